@@ -1,0 +1,50 @@
+/* Collision of the instrument's points with the body's rest surface: a swept segment per tick and point against a uniform
+ * grid, so that no speed tunnels; then, while in contact, an anchor that slides on the surface below the point.
+ *
+ * Anchor: the surface point whose interpolated normal n passes through the tool point x, x = anchor - depth n. Normals are
+ * interpolated over the triangle, so anchor, normal and depth are continuous when the tool crosses an edge. */
+#ifndef TROCAR_COLLIDE_H
+#define TROCAR_COLLIDE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "bank_view.h"
+
+enum {
+    COLLIDE_MAX_WALK = 24 /* triangles or refinements that an anchor may take in one tick */
+};
+
+struct collide_hit {
+    uint32_t triangle;
+    float weights[3]; /* barycentric, sum 1 */
+    float fraction;   /* along the segment, 0..1 */
+};
+
+struct collide_point {
+    bool known;         /* position_m is valid */
+    bool touching;
+    float position_m[3];
+    uint32_t triangle;  /* of the anchor */
+    float weights[3];
+    float anchor_m[3], normal[3];
+    float depth_m;      /* > 0 while touching */
+};
+
+struct collide {
+    uint32_t count;     /* points of the tool, <= BANK_MAX_TOOL_POINTS */
+    struct collide_point point[BANK_MAX_TOOL_POINTS];
+    uint32_t walks_cut; /* counter: an anchor did not settle within COLLIDE_MAX_WALK */
+};
+
+/* First triangle that the segment from -> to enters from outside (against its normal). Equal fractions: the lower
+ * triangle number. Exact agreement with collide_brute is a test. */
+bool collide_sweep(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
+
+/* The same by looking at every triangle; for tests. */
+bool collide_brute(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
+
+/* Move every point to its new position and update its contact. */
+void collide_update(struct collide *s, const struct bank_view *bank, const float (*positions_m)[3], uint32_t count);
+
+#endif

@@ -1,0 +1,16 @@
+/* The command line: `trocar VERB [options]`. One file per verb, verb_NAME.c, with one function; trocar_main.c has the
+ * table. A verb parses its own options with getopt_long, prints results on stdout and everything else on stderr, and
+ * returns STATUS_OK or a negative status with `why` filled; the exit code follows from the status. */
+#ifndef TROCAR_CLI_H
+#define TROCAR_CLI_H
+
+#include "failure.h"
+
+typedef int verb_function(int argc, char **argv, struct failure *why);
+
+verb_function verb_mesh, verb_build, verb_info, verb_verify, verb_run, verb_view, verb_explain;
+
+/* Parse "0.214", a positive finite number of metres, or fail with STATUS_USAGE naming the option. */
+int cli_positive(const char *option, const char *text, double *value, struct failure *why);
+
+#endif

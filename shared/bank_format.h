@@ -1,0 +1,147 @@
+/* The bank, format version 1: what a controller reads in place from flash. SPEC.md says every bit; this header is the
+ * same layout as C. Little-endian; integers and IEEE 754 float32 only; every section starts at a multiple of 16 bytes.
+ *
+ *   header (64 bytes) | section table (32 bytes each) | section | section | ...
+ *
+ * Every byte of the file is under one CRC-32: the header's own, the table's, or that of a section (over its length
+ * rounded up to 16; the padding is zero). A reader validates once (bank_view_open), then reads without checks.
+ *
+ * New data join as new sections. A section with BANK_REQUIRED that the reader does not know refuses the bank; without
+ * it, the section is skipped. The header never changes within a format version. */
+#ifndef TROCAR_BANK_FORMAT_H
+#define TROCAR_BANK_FORMAT_H
+
+#include <stdint.h>
+
+#define BANK_TAG(a, b, c, d) ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
+#define BANK_MAGIC BANK_TAG('T', 'R', 'C', 'B')
+
+enum {
+    BANK_FORMAT_VERSION = 1,
+    BANK_ALIGNMENT = 16,
+    BANK_MAX_SECTIONS = 64,
+    BANK_MAX_VERTICES = 65534, /* indices are uint16; 0xFFFF means none */
+    BANK_MAX_TRIANGLES = 65534,
+    BANK_NONE = 0xFFFF,
+    BANK_MAX_TOOL_POINTS = 16,
+    BANK_MAX_INSTRUMENTS = 2,
+    BANK_MAX_GRID_CELLS = 65536,
+    BANK_MAX_CELL_TRIANGLES = 255
+};
+
+enum {
+    BANK_REQUIRED = 1, /* flags: a reader that does not know this tag must refuse the bank */
+    BANK_HOST_ONLY = 2 /* flags: not needed on the controller; a deployer may leave it out */
+};
+
+struct bank_header {
+    uint32_t magic;          /* BANK_MAGIC */
+    uint16_t format_version; /* BANK_FORMAT_VERSION */
+    uint16_t header_bytes;   /* 64 */
+    uint32_t total_bytes;    /* the whole file, a multiple of 16 */
+    uint32_t section_count;  /* 1 .. BANK_MAX_SECTIONS */
+    uint32_t image_abi;      /* lowest firmware ABI that can run this bank (FIRMWARE_ABI of firmware/tick.h) */
+    uint32_t effects;        /* bit k: effect k of the effect table is needed; 0 in this version */
+    uint32_t scene_hash;     /* CRC-32 of the scene text in section PROV */
+    uint32_t mesh_hash;      /* CRC-32 of the mesh file's bytes */
+    uint32_t reserved[6];    /* 0 */
+    uint32_t table_crc;      /* CRC-32 of the section table */
+    uint32_t header_crc;     /* CRC-32 of the 60 bytes before it */
+};
+
+struct bank_section {
+    uint32_t tag;
+    uint16_t version;  /* of this section's own layout */
+    uint16_t flags;    /* BANK_REQUIRED, BANK_HOST_ONLY */
+    uint32_t offset;   /* from the start of the file; multiple of 16; sections follow each other without gaps */
+    uint32_t length;   /* bytes, without the padding */
+    uint32_t count;    /* records; their meaning is the section's */
+    uint32_t crc;      /* CRC-32 of the length rounded up to 16 */
+    uint32_t reserved[2];
+};
+
+/* VERT, required: rest positions of the surface vertices, count x 3 float32, m. */
+#define BANK_VERT BANK_TAG('V', 'E', 'R', 'T')
+/* NORM, required: outward unit normals at the vertices (angle-weighted), count x 3 float32. Contact uses their linear
+ * interpolation, which is continuous over the surface where face normals jump. */
+#define BANK_NORM BANK_TAG('N', 'O', 'R', 'M')
+
+/* TRIA, required: count x struct bank_triangle. Vertices run counter-clockwise seen from outside. */
+#define BANK_TRIA BANK_TAG('T', 'R', 'I', 'A')
+struct bank_triangle {
+    uint16_t vertex[3];
+    uint16_t neighbour[3]; /* triangle across the edge opposite vertex k */
+};
+
+/* GRID, required: uniform grid over the surface's box. struct bank_grid, then (cells + 1) uint32 starts, then uint16
+ * triangle numbers: cell c = x + nx (y + ny z) holds entries start[c] .. start[c+1]-1. A triangle is listed in every cell
+ * that its box, enlarged by 1e-3 of a cell, touches and its plane crosses (so rounding in the traversal loses nothing). */
+#define BANK_GRID BANK_TAG('G', 'R', 'I', 'D')
+struct bank_grid {
+    float origin_m[3];
+    float cell_m;             /* cells are cubes */
+    uint16_t cells[3];        /* nx, ny, nz; product <= BANK_MAX_GRID_CELLS */
+    uint16_t max_in_cell;     /* longest cell list, <= BANK_MAX_CELL_TRIANGLES: the bound of the inner loop */
+    uint32_t entries;         /* triangle numbers in all */
+    uint32_t reserved;
+};
+
+/* ROWS, required: per vertex the row of the compliance it owns, uint16, BANK_NONE for a fixed vertex. count = vertices. */
+#define BANK_ROWS BANK_TAG('R', 'O', 'W', 'S')
+
+/* GHLF, required unless another compliance section is present: the compliance (Green's function) on the surface, plain.
+ * count = rows n. Lower half by rows: row i holds the blocks (i,0) .. (i,i), each 3x3 row-major float32, m/N; block (i,j)
+ * starts at float 9 (i (i+1)/2 + j). Block (j,i) is the transpose of (i,j). Component a of the displacement of row i
+ * under a force F on row j is sum_b G[i][j][a][b] F_b. */
+#define BANK_GHLF BANK_TAG('G', 'H', 'L', 'F')
+
+/* CONT, required, count = 1: how contact is rendered. */
+#define BANK_CONT BANK_TAG('C', 'O', 'N', 'T')
+struct bank_contact {
+    float regularisation_m_N;    /* epsilon added to the diagonal of every contact system: > 0; 1e-3 of the median G_ii */
+    float coupling_stiffness_N_m; /* virtual coupling between device and proxy; the hand never feels more */
+    float coupling_damping_Ns_m;  /* of the virtual coupling, while in contact */
+    float force_limit_N;          /* clamp of the tip force */
+    float force_rate_N_s;         /* rate limit of the tip force, per second */
+    float decay_s;                /* time constant of the decay to zero in the state SAFE */
+    float typical_compliance_m_N; /* median diagonal of G: for display and scaling */
+    uint32_t reserved;
+};
+
+/* TOOL, required, count = instruments (1 .. BANK_MAX_INSTRUMENTS): struct bank_tool each. */
+#define BANK_TOOL BANK_TAG('T', 'O', 'O', 'L')
+struct bank_axis {
+    float per_count;      /* rad or m per encoder count, signed */
+    float zero;           /* rad or m at count_zero */
+    uint16_t count_zero;
+    uint16_t count_modulus; /* the encoder wraps at this many counts (<= 16384) */
+    float minimum, maximum; /* rad or m: range of the joint; outside by more than 5 % of the range is implausible */
+    float speed_limit;    /* rad/s or m/s: faster is implausible */
+    float effort_limit;   /* N m or N: clamp of the motor command */
+};
+struct bank_tool {
+    float trocar_m[3];    /* the fixed point, world */
+    float rotation[9];    /* row-major; columns are the trocar frame's X, Y, Z in the world; Z points into the body */
+    struct bank_axis axis[3]; /* alpha, beta (rad about the frame's zero), insertion (m) */
+    float gravity_N;      /* weight of the motor carried on the instrument's axis [C97 7.2] */
+    float gravity_arm_m;  /* its distance behind the trocar */
+    float gravity_direction[3]; /* unit vector, world */
+    float tip_radius_m;   /* the radius of the tip that the points sample */
+    uint32_t point_count; /* 1 .. BANK_MAX_TOOL_POINTS */
+    float point_m[BANK_MAX_TOOL_POINTS][3]; /* offsets from the tip's centre, in the instrument's frame (Z along the shaft) */
+    uint32_t reserved[4];
+};
+
+/* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
+ * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
+#define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
+
+_Static_assert(sizeof(struct bank_header) == 64, "layout of the bank header");
+_Static_assert(sizeof(struct bank_section) == 32, "layout of a section entry");
+_Static_assert(sizeof(struct bank_triangle) == 12, "layout of a triangle");
+_Static_assert(sizeof(struct bank_grid) == 32, "layout of the grid header");
+_Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record");
+_Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");
+_Static_assert(sizeof(struct bank_tool) == 368, "layout of an instrument");
+
+#endif

@@ -1,0 +1,55 @@
+/* A simulated force-feedback instrument: three actuated axes (alpha, beta, insertion) through a trocar, each a moving mass
+ * with viscous and Coulomb friction, a motor with saturation and first-order bandwidth, an encoder with finite resolution
+ * and wrap; roll and grip are read only. The hand (hand.h) pulls at the tip. Integrated in fixed substeps, deterministic. */
+#ifndef TROCAR_DEVICE_H
+#define TROCAR_DEVICE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct device_axis_model {
+    double per_count;       /* rad or m per encoder count */
+    uint16_t count_zero, count_modulus;
+    double zero, minimum, maximum; /* rad or m */
+    double inertia;         /* kg m2 (alpha, beta: at the mid insertion) or kg */
+    double viscous;         /* N m s or N s/m */
+    double coulomb;         /* N m or N */
+    double effort_limit;    /* N m or N: motor saturation */
+    double bandwidth_Hz;    /* of the motor and its amplifier */
+    double speed_limit;     /* rad/s or m/s the device can reach */
+};
+
+struct device_model {
+    const char *name;
+    struct device_axis_model axis[3];
+    double gravity_N, gravity_arm_m; /* motor carried on the axis [C97 7.2] */
+    double force_limit_N;            /* largest tip force the maker states */
+};
+
+/* "impulse-engine": the Laparoscopic Impulse Engine's figures [C97 7.5.3]. NULL for a name that is not known. */
+const struct device_model *device_model_find(const char *name);
+const char *device_model_names(void); /* comma-separated, for messages */
+
+struct hand;
+
+struct device {
+    const struct device_model *model;
+    double joint[3], speed[3];     /* true state: rad, rad, m */
+    double effort[3], command[3];  /* motor efforts now; commanded */
+    uint32_t samples;
+    uint8_t sequence;
+    bool enabled;
+    uint32_t commands_received, commands_rejected; /* bad CRC or length */
+    uint32_t silence_us;           /* since the last torque frame: after 10 ms the device drops its motors by itself */
+    double hand_force_N[3];        /* of the hand on the tip, trocar's frame, for logs */
+};
+
+/* At rest with the tip at the hand's start. */
+void device_start(struct device *device, const struct device_model *model, const struct hand *hand);
+/* Advance by `duration_us` in substeps of 50 us under motors, friction, gravity and the hand. */
+void device_step(struct device *device, const struct hand *hand, double time_s, uint32_t duration_us);
+/* Encoder counts now (quantised, wrapped). */
+void device_counts(const struct device *device, uint16_t counts[3]);
+void device_tip(const struct device *device, double tip_m[3]); /* trocar's frame */
+
+#endif

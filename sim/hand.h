@@ -1,0 +1,58 @@
+/* The hand that holds the simulated instrument: a spring-damper from the tip to a target that follows a gesture.
+ *
+ * A gesture is a small text file, one step per line, '#' starts a comment:
+ *
+ *   approach 0.3 s            from where the tip is to the touch point (where the axis meets the body)
+ *   press 20 mm in 0.5 s      move along the instrument's axis to this depth below the touch point
+ *   slide 15 mm -5 mm in 1 s  move across, by trocar frame x and y
+ *   poke 10 mm in 0.05 s      there and back, so many times as `times N` says (default 1)
+ *   hold 0.5 s
+ *   retract 0.3 s             back to the start
+ *   repeat N                  the whole gesture again, N times in all; last line
+ *
+ * Depths are absolute below the touch point; motion between is minimum-jerk (Flash and Hogan 1985). */
+#ifndef TROCAR_HAND_H
+#define TROCAR_HAND_H
+
+#include <stddef.h>
+
+#include "device.h"
+
+enum { HAND_MAX_STEPS = 256 };
+
+enum hand_step_kind { HAND_APPROACH, HAND_PRESS, HAND_SLIDE, HAND_POKE, HAND_HOLD, HAND_RETRACT };
+
+struct hand_step {
+    enum hand_step_kind kind;
+    double value_m[2];  /* depth; or x, y of slide */
+    double duration_s;  /* of the step (poke: of one poke) */
+    unsigned times;     /* poke */
+};
+
+struct gesture {
+    char name[64];
+    size_t count;
+    struct hand_step step[HAND_MAX_STEPS];
+    unsigned repeat;
+};
+
+/* `name` is one of the built-in gestures (press, slide, poke, hold, tour) or a file. Errors name file and line in `message`
+ * and return a negative status (STATUS_FILE_OPEN, STATUS_GESTURE_SYNTAX). */
+int gesture_read(const char *name, struct gesture *gesture, char *message, size_t message_size, long *line);
+int gesture_parse(const char *text, const char *name, struct gesture *gesture, char *message, size_t message_size,
+                  long *line);
+const char *gesture_names(void);
+double gesture_duration_s(const struct gesture *gesture);
+
+struct hand {
+    double stiffness_N_m, damping_Ns_m; /* default 400 N/m, 8 N s/m: a relaxed grip */
+    double start[3], touch[3];          /* tip targets in the trocar's frame: at rest, and where the axis meets the body */
+    const struct gesture *gesture;
+    double override_m[3];               /* target from keyboard or mouse, trocar's frame, while `overridden` */
+    int overridden;
+};
+
+/* Target of the tip in the trocar's frame (Z into the body) at a time of the gesture. */
+void hand_target(const struct hand *hand, double time_s, double target_m[3]);
+
+#endif
