@@ -22,11 +22,12 @@ struct device_axis_model {
 struct device_model {
     const char *name;
     struct device_axis_model axis[3];
-    double gravity_N, gravity_arm_m; /* motor carried on the axis [C97 7.2] */
+    double gravity_N, gravity_arm_m; /* motor carried on the axis [C97 7.2]; weight along the trocar frame's +Z: the
+                                        device stands upright */
     double force_limit_N;            /* largest tip force the maker states */
 };
 
-/* "impulse-engine": the Laparoscopic Impulse Engine's figures [C97 7.5.3]. NULL for a name that is not known. */
+/* The catalogue (device_catalogue.c). "impulse-engine": the Laparoscopic Impulse Engine's figures [C97 7.5.3]. NULL for a name that is not known. */
 const struct device_model *device_model_find(const char *name);
 const char *device_model_names(void); /* comma-separated, for messages */
 
