@@ -1,5 +1,7 @@
-/* Reading a bank in place. bank_view_open validates everything once, with bounded work (at most two passes over the bytes);
- * afterwards every index and float that a tick reads is known to be good, and the accessors check nothing. */
+/* Reading a bank in place. bank_view_open validates everything once, with bounded work (one pass for the CRCs, one over
+ * the values; the rows' numbers, 2 bytes per vertex, are read up to 8 times more); afterwards every index and float
+ * that a tick reads is known to be good, and the accessors check nothing. The rules are those of shared/SPEC.md,
+ * "Validation". */
 #ifndef TROCAR_BANK_VIEW_H
 #define TROCAR_BANK_VIEW_H
 
@@ -23,10 +25,20 @@ struct bank_view {
     const float *half;      /* GHLF */
     const struct bank_contact *contact;
     const struct bank_tool *tools;
-    uint32_t fault_tag; /* after a refusal: the section at fault, 0 for the header or table */
+    uint32_t fault_tag;    /* after a refusal: the section at fault, 0 for the header or table */
+    uint32_t fault_record; /* and the record in it (vertex, triangle, cell, row, instrument; entry of the table) */
 };
 
-/* Validate `length` bytes at `bytes` (16-byte aligned). Returns STATUS_OK or the first STATUS_BANK_* that applies. */
+enum { BANK_VIEW_EFFECTS = 0 }; /* bit k: effect k is part of this image */
+
+/* Validate `length` bytes at `bytes` (16-byte aligned). Returns STATUS_OK or the first STATUS_BANK_* that applies, with
+ * the place in fault_tag and fault_record; every pointer of the view is then NULL. In the order of the checks:
+ *   BANK_ALIGNMENT  `bytes` is not a multiple of 16         BANK_ABI       a newer image is wanted
+ *   BANK_MAGIC      not a bank                              BANK_EFFECT    an effect is not part of this image
+ *   BANK_VERSION    another format, or section layout       BANK_REQUIRED  an unknown section must not be skipped
+ *   BANK_LENGTH     cut, too long, or lengths disagree      BANK_MISSING   a section is absent
+ *   BANK_CRC        header, table or a section changed      BANK_INDEX     an index points outside its table, or lies
+ *   BANK_SECTION    the table is not as specified           BANK_NONFINITE a number is not finite or not plausible */
 int bank_view_open(struct bank_view *view, const void *bytes, size_t length);
 
 /* Section by tag, NULL when absent; its bytes start at (const char *)view->header + section->offset. */

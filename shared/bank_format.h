@@ -14,7 +14,7 @@
 #include <stdint.h>
 
 #define BANK_TAG(a, b, c, d) ((uint32_t)(a) | (uint32_t)(b) << 8 | (uint32_t)(c) << 16 | (uint32_t)(d) << 24)
-#define BANK_MAGIC BANK_TAG('T', 'R', 'C', 'B')
+#define BANK_MAGIC           BANK_TAG('T', 'R', 'C', 'B')
 
 enum {
     BANK_FORMAT_VERSION = 1,
@@ -26,8 +26,14 @@ enum {
     BANK_MAX_TOOL_POINTS = 16,
     BANK_MAX_INSTRUMENTS = 2,
     BANK_MAX_GRID_CELLS = 65536,
-    BANK_MAX_CELL_TRIANGLES = 255
+    BANK_MAX_GRID_AXIS = 1024, /* cells along one axis: float32 still tells 1e-4 of a cell apart */
+    BANK_MAX_CELL_TRIANGLES = 255,
+    BANK_MAX_COUNTS = 16384 /* modulus of an encoder: 14 bits on the bus */
 };
+
+#define BANK_MAX_ANGLE_RAD 0.7f  /* of alpha and beta: 5 % of the range beyond it, sin^2 a + sin^2 b is still below 1  \
+                                  */
+#define BANK_MAX_POSITION_M 1e3f /* of any coordinate */
 
 enum {
     BANK_REQUIRED = 1, /* flags: a reader that does not know this tag must refuse the bank */
@@ -51,12 +57,12 @@ struct bank_header {
 
 struct bank_section {
     uint32_t tag;
-    uint16_t version;  /* of this section's own layout */
-    uint16_t flags;    /* BANK_REQUIRED, BANK_HOST_ONLY */
-    uint32_t offset;   /* from the start of the file; multiple of 16; sections follow each other without gaps */
-    uint32_t length;   /* bytes, without the padding */
-    uint32_t count;    /* records; their meaning is the section's */
-    uint32_t crc;      /* CRC-32 of the length rounded up to 16 */
+    uint16_t version; /* of this section's own layout */
+    uint16_t flags;   /* BANK_REQUIRED, BANK_HOST_ONLY */
+    uint32_t offset;  /* from the start of the file; multiple of 16; sections follow each other without gaps */
+    uint32_t length;  /* bytes, without the padding */
+    uint32_t count;   /* records; their meaning is the section's */
+    uint32_t crc;     /* CRC-32 of the length rounded up to 16 */
     uint32_t reserved[2];
 };
 
@@ -74,31 +80,33 @@ struct bank_triangle {
 };
 
 /* GRID, required: uniform grid over the surface's box. struct bank_grid, then (cells + 1) uint32 starts, then uint16
- * triangle numbers: cell c = x + nx (y + ny z) holds entries start[c] .. start[c+1]-1. A triangle is listed in every cell
- * that its box, enlarged by 1e-3 of a cell, touches and its plane crosses (so rounding in the traversal loses nothing). */
+ * triangle numbers: cell c = x + nx (y + ny z) holds entries start[c] .. start[c+1]-1, in rising order. count = cells.
+ * A triangle is listed at least in every cell that, enlarged by 1e-3 of a cell on each side, it meets (so rounding in
+ * the traversal loses nothing); every vertex lies inside the grid. */
 #define BANK_GRID BANK_TAG('G', 'R', 'I', 'D')
 struct bank_grid {
     float origin_m[3];
-    float cell_m;             /* cells are cubes */
-    uint16_t cells[3];        /* nx, ny, nz; product <= BANK_MAX_GRID_CELLS */
-    uint16_t max_in_cell;     /* longest cell list, <= BANK_MAX_CELL_TRIANGLES: the bound of the inner loop */
-    uint32_t entries;         /* triangle numbers in all */
+    float cell_m;         /* cells are cubes */
+    uint16_t cells[3];    /* nx, ny, nz; product <= BANK_MAX_GRID_CELLS */
+    uint16_t max_in_cell; /* longest cell list, <= BANK_MAX_CELL_TRIANGLES: the bound of the inner loop */
+    uint32_t entries;     /* triangle numbers in all */
     uint32_t reserved;
 };
 
-/* ROWS, required: per vertex the row of the compliance it owns, uint16, BANK_NONE for a fixed vertex. count = vertices. */
+/* ROWS, required: per vertex the row of the compliance it owns, uint16, BANK_NONE for a fixed vertex. count = vertices.
+ */
 #define BANK_ROWS BANK_TAG('R', 'O', 'W', 'S')
 
 /* GHLF, required unless another compliance section is present: the compliance (Green's function) on the surface, plain.
- * count = rows n. Lower half by rows: row i holds the blocks (i,0) .. (i,i), each 3x3 row-major float32, m/N; block (i,j)
- * starts at float 9 (i (i+1)/2 + j). Block (j,i) is the transpose of (i,j). Component a of the displacement of row i
- * under a force F on row j is sum_b G[i][j][a][b] F_b. */
+ * count = rows n. Lower half by rows: row i holds the blocks (i,0) .. (i,i), each 3x3 row-major float32, m/N; block
+ * (i,j) starts at float 9 (i (i+1)/2 + j). Block (j,i) is the transpose of (i,j). Component a of the displacement of
+ * row i under a force F on row j is sum_b G[i][j][a][b] F_b. */
 #define BANK_GHLF BANK_TAG('G', 'H', 'L', 'F')
 
 /* CONT, required, count = 1: how contact is rendered. */
 #define BANK_CONT BANK_TAG('C', 'O', 'N', 'T')
 struct bank_contact {
-    float regularisation_m_N;    /* epsilon added to the diagonal of every contact system: > 0; 1e-3 of the median G_ii */
+    float regularisation_m_N; /* epsilon added to the diagonal of every contact system: > 0; 1e-3 of the median G_ii */
     float coupling_stiffness_N_m; /* virtual coupling between device and proxy; the hand never feels more */
     float coupling_damping_Ns_m;  /* of the virtual coupling, while in contact */
     float force_limit_N;          /* clamp of the tip force */
@@ -111,24 +119,25 @@ struct bank_contact {
 /* TOOL, required, count = instruments (1 .. BANK_MAX_INSTRUMENTS): struct bank_tool each. */
 #define BANK_TOOL BANK_TAG('T', 'O', 'O', 'L')
 struct bank_axis {
-    float per_count;      /* rad or m per encoder count, signed */
-    float zero;           /* rad or m at count_zero */
+    float per_count; /* rad or m per encoder count, signed */
+    float zero;      /* rad or m at count_zero */
     uint16_t count_zero;
     uint16_t count_modulus; /* the encoder wraps at this many counts (<= 16384) */
     float minimum, maximum; /* rad or m: range of the joint; outside by more than 5 % of the range is implausible */
-    float speed_limit;    /* rad/s or m/s: faster is implausible */
-    float effort_limit;   /* N m or N: clamp of the motor command */
+    float speed_limit;      /* rad/s or m/s: faster is implausible */
+    float effort_limit;     /* N m or N: clamp of the motor command */
 };
 struct bank_tool {
-    float trocar_m[3];    /* the fixed point, world */
-    float rotation[9];    /* row-major; columns are the trocar frame's X, Y, Z in the world; Z points into the body */
-    struct bank_axis axis[3]; /* alpha, beta (rad about the frame's zero), insertion (m) */
-    float gravity_N;      /* weight of the motor carried on the instrument's axis [C97 7.2] */
-    float gravity_arm_m;  /* its distance behind the trocar */
+    float trocar_m[3]; /* the fixed point, world */
+    float rotation[9]; /* row-major; columns are the trocar frame's X, Y, Z in the world; Z points into the body */
+    struct bank_axis axis[3];   /* alpha, beta (rad about the frame's zero), insertion (m) */
+    float gravity_N;            /* weight of the motor carried on the instrument's axis [C97 7.2] */
+    float gravity_arm_m;        /* its distance behind the trocar */
     float gravity_direction[3]; /* unit vector, world */
-    float tip_radius_m;   /* the radius of the tip that the points sample */
-    uint32_t point_count; /* 1 .. BANK_MAX_TOOL_POINTS */
-    float point_m[BANK_MAX_TOOL_POINTS][3]; /* offsets from the tip's centre, in the instrument's frame (Z along the shaft) */
+    float tip_radius_m;         /* the radius of the tip that the points sample */
+    uint32_t point_count;       /* 1 .. BANK_MAX_TOOL_POINTS */
+    float point_m[BANK_MAX_TOOL_POINTS]
+                 [3]; /* offsets from the tip's centre, in the instrument's frame (Z along the shaft) */
     uint32_t reserved[4];
 };
 
