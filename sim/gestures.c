@@ -1,0 +1,58 @@
+#include "gestures.h"
+
+#include <string.h>
+
+/* Depths stay below 10 % of a liver's size, where linear elasticity holds; speeds are those of a trained hand. */
+static const struct {
+    const char *name, *text;
+} gestures[] = {
+    {"press", "# press the organ, wait, let go\n"
+              "approach 0.3 s\n"
+              "press 20 mm in 0.5 s\n"
+              "hold 0.3 s\n"
+              "press 0 mm in 0.5 s\n"
+              "retract 0.3 s\n"},
+    {"slide", "# press, then stroke the surface there and back\n"
+              "approach 0.3 s\n"
+              "press 10 mm in 0.3 s\n"
+              "slide 20 mm 0 mm in 0.6 s\n"
+              "slide -20 mm 15 mm in 0.6 s\n"
+              "slide 0 mm -15 mm in 0.4 s\n"
+              "press 0 mm in 0.3 s\n"
+              "retract 0.3 s\n"},
+    {"poke", "# quick pokes\n"
+             "approach 0.3 s\n"
+             "poke 10 mm in 0.1 s times 5\n"
+             "retract 0.3 s\n"},
+    {"hold", "# lean on the organ and stay: noise and drift show here\n"
+             "approach 0.3 s\n"
+             "press 10 mm in 0.4 s\n"
+             "hold 3 s\n"
+             "retract 0.5 s\n"},
+    {"tour", "# a bit of everything\n"
+             "approach 0.3 s\n"
+             "press 20 mm in 0.5 s\n"
+             "hold 0.3 s\n"
+             "press 8 mm in 0.4 s\n"
+             "slide 20 mm 10 mm in 0.8 s\n"
+             "slide -40 mm 0 mm in 1.2 s\n"
+             "slide 20 mm -10 mm in 0.8 s\n"
+             "poke 20 mm in 0.3 s times 3\n"
+             "press -10 mm in 0.4 s\n"
+             "poke 10 mm in 0.12 s times 4\n"
+             "retract 0.5 s\n"},
+};
+enum { GESTURES = sizeof gestures / sizeof gestures[0] };
+
+const char *gesture_builtin(const char *name)
+{
+    for (size_t i = 0; i < GESTURES; i++)
+        if (!strcmp(gestures[i].name, name))
+            return gestures[i].text;
+    return NULL;
+}
+
+const char *gesture_builtin_name(size_t index)
+{
+    return index < GESTURES ? gestures[index].name : NULL;
+}
