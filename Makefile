@@ -2,16 +2,21 @@
 #
 # Sources are found by pattern, so a new file needs no line here:
 #   firmware/*.c shared/*.c          freestanding, single precision      -> build/libfirmware.a
+#   firmware/ports/NAME/             a port, described by its port.mk    -> build/firmware/NAME/controller.elf
 #   host/*/*.c sim/*.c               hosted                              -> build/libtrocar.a
 #   host/*/NAME_main.c               a program of its own                -> build/NAME
 #   tests/DIR/test_*.c, *.t          a test that speaks TAP              -> make test
-# SAN=1 builds the same under AddressSanitizer and UBSan into build/san.
+# SAN=1 builds the same under AddressSanitizer and UBSan into build/san. V=1 shows the commands.
 
 SHELL := /bin/sh
 .DELETE_ON_ERROR:
 .SUFFIXES:
 .DEFAULT_GOAL := all
+ifeq ($(filter -j%,$(MAKEFLAGS)),)
+MAKEFLAGS += -j$(shell nproc 2>/dev/null || echo 1)
+endif
 
+comma := ,
 B := build$(if $(SAN),/san)
 CC := gcc
 HOST_DIRS := $(patsubst %/,%,$(wildcard host/*/))
@@ -19,12 +24,13 @@ HOST_INCLUDE := $(addprefix -I,shared firmware sim $(HOST_DIRS)) -I/usr/include/
 PACKAGES := gsl libwebsockets yaml-0.1 expat zlib json-c libcrypto
 WARN := -Wall -Wextra -Wshadow -Wpointer-arith -Wstrict-prototypes -Wmissing-prototypes -Wwrite-strings -Wvla -Werror
 SANITIZE := $(if $(SAN),-fsanitize=address$(comma)undefined -fno-sanitize-recover=all -fno-omit-frame-pointer)
-comma := ,
 # -ffp-contract=off: the same products and sums on every target; -fno-math-errno: no libm call hides behind an operator
 ARITHMETIC := -ffp-contract=off -fno-math-errno -fno-strict-aliasing
 CFLAGS := -std=c11 -O2 -g -D_GNU_SOURCE $(WARN) $(ARITHMETIC) $(SANITIZE)
-FIRMWARE_FLAGS := -std=c11 -O2 -g $(WARN) -Wdouble-promotion -Wconversion -Wno-sign-conversion $(ARITHMETIC) \
-  -ffreestanding -fno-builtin -fstack-usage $(SANITIZE) -Ishared -Ifirmware
+FREESTANDING := -std=c11 -O2 -g $(WARN) -Wdouble-promotion -Wconversion -Wno-sign-conversion $(ARITHMETIC) \
+  -ffreestanding -fno-builtin -fstack-usage -Ishared -Ifirmware
+FIRMWARE_FLAGS := $(FREESTANDING) $(SANITIZE)
+# Expanded only when a link runs, so pkg-config may be installed by the same make.
 LIBS = -lcholmod -lcamd -lamd -lcolamd -lccolamd -lsuitesparseconfig -llapacke -lopenblas \
   $(shell pkg-config --libs $(PACKAGES)) -lm -lpthread
 
@@ -37,53 +43,130 @@ FIRMWARE_OBJ := $(FIRMWARE_SRC:%.c=$(B)/obj/%.o)
 HOST_OBJ := $(HOST_SRC:%.c=$(B)/obj/%.o) $(HOST_ASM:%.S=$(B)/obj/%.o)
 TEST_SRC := $(wildcard tests/*/test_*.c)
 TEST_BIN := $(TEST_SRC:tests/%.c=$(B)/tests/%)
-TEST_SCRIPTS := $(wildcard tests/*/*.t)
+# Tests that run a second time under the sanitisers: bad input and the loop, not the long accuracy runs.
+SANITISED_DIRS := unit hard wire loop fuzz
+
+Q := $(if $(V),,@)
+say = @printf '  %-4s %s\n' $(1) $(2)
 
 .PHONY: all
-all: $(PROGRAMS) ports ## build everything under build/
+all: $(PROGRAMS) $(if $(SAN),,ports) ## build everything under build/
 
-$(B)/obj/firmware/%.o: firmware/%.c
-	@mkdir -p $(@D)
-	$(CC) $(FIRMWARE_FLAGS) -MMD -MP -c $< -o $@
+# What must be installed first. Only the targets that a newcomer types install; others check, and say what to run.
+INSTALLING := $(filter demo test deps,$(MAKECMDGOALS))
+.PHONY: packages test-packages
+packages:
+	@host/dependencies.sh $(if $(INSTALLING),,--check) build
+test-packages: | packages
+	@host/dependencies.sh $(if $(INSTALLING),,--check) test
 
-$(B)/obj/shared/%.o: shared/%.c
+$(B)/obj/firmware/%.o: firmware/%.c | packages
 	@mkdir -p $(@D)
-	$(CC) $(FIRMWARE_FLAGS) -MMD -MP -c $< -o $@
+	$(call say,CC,$<)
+	$(Q)$(CC) $(FIRMWARE_FLAGS) -MMD -MP -c $< -o $@
 
-$(B)/obj/%.o: %.c
+$(B)/obj/shared/%.o: shared/%.c | packages
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS) $(HOST_INCLUDE) -MMD -MP -c $< -o $@
+	$(call say,CC,$<)
+	$(Q)$(CC) $(FIRMWARE_FLAGS) -MMD -MP -c $< -o $@
 
-$(B)/obj/%.o: %.S
+$(B)/obj/%.o: %.c | packages
 	@mkdir -p $(@D)
-	$(CC) -MMD -MP -c $< -o $@
+	$(call say,CC,$<)
+	$(Q)$(CC) $(CFLAGS) $(HOST_INCLUDE) -MMD -MP -c $< -o $@
+
+$(B)/obj/%.o: %.S | packages
+	@mkdir -p $(@D)
+	$(call say,AS,$<)
+	$(Q)$(CC) -MMD -MP -c $< -o $@
 
 $(B)/libfirmware.a: $(FIRMWARE_OBJ)
 	@rm -f $@
-	ar rcs $@ $^
+	$(Q)ar rcs $@ $^
 
 $(B)/libtrocar.a: $(HOST_OBJ)
 	@rm -f $@
-	ar rcs $@ $^
+	$(Q)ar rcs $@ $^
 
 define program
 $(B)/$(patsubst %_main.c,%,$(notdir $(1))): $(B)/obj/$(1:.c=.o) $(B)/libtrocar.a $(B)/libfirmware.a
-	$(CC) $(CFLAGS) $$^ -o $$@ $$(LIBS)
+	$$(call say,LINK,$$@)
+	$$(Q)$(CC) $(CFLAGS) $$^ -o $$@ $$(LIBS)
 endef
 $(foreach m,$(filter-out %/trocar-mesher_main.c,$(MAINS)),$(eval $(call program,$(m))))
 
 # Gmsh is large and may end a process by itself: it lives in a program of its own.
 $(B)/trocar-mesher: $(B)/obj/host/mesh/trocar-mesher_main.o $(B)/libtrocar.a $(B)/libfirmware.a
-	$(CC) $(CFLAGS) $^ -o $@ -lgmsh $(LIBS)
+	$(call say,LINK,$@)
+	$(Q)$(CC) $(CFLAGS) $^ -o $@ -lgmsh $(LIBS)
 
-$(B)/tests/%: tests/%.c $(B)/libtrocar.a $(B)/libfirmware.a
+$(B)/tests/%: tests/%.c $(B)/libtrocar.a $(B)/libfirmware.a | test-packages
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS) $(HOST_INCLUDE) -Itests -MMD -MP $< $(B)/libtrocar.a $(B)/libfirmware.a -o $@ -lcmocka $(LIBS)
+	$(call say,TEST,$<)
+	$(Q)$(CC) $(CFLAGS) $(HOST_INCLUDE) -Itests -MMD -MP -MF $@.d -MT $@ $< $(B)/libtrocar.a $(B)/libfirmware.a \
+	  -o $@ -lcmocka $(LIBS)
+
+# A port: firmware/ports/NAME/port.mk says $(eval $(call port,NAME,compiler,flags of all objects,flags of the port's own
+# objects,link flags and libraries)). The controller's objects are the freestanding ones for every port; a port whose compiler is
+# not installed is left out, and said so.
+PORTS :=
+define port
+ifneq ($$(shell command -v $(2) 2>/dev/null)$$(filter gcc,$(2)),)
+PORTS += $(B)/firmware/$(1)/controller.elf
+else
+PORTS += without-$(1)
+endif
+.PHONY: without-$(1)
+without-$(1):
+	@echo '  port $(1) is left out: $(2) is not installed'
+$(1)_OBJ := $$(patsubst %,$(B)/firmware/$(1)/%.o,$$(basename $$(FIRMWARE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS])))
+$(B)/firmware/$(1)/firmware/ports/%.o: firmware/ports/%.c | packages
+	@mkdir -p $$(@D)
+	$$(Q)$(2) $(4) $(3) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@
+$(B)/firmware/$(1)/%.o: %.c | packages
+	@mkdir -p $$(@D)
+	$$(Q)$(2) $(FREESTANDING) $(3) -MMD -MP -c $$< -o $$@
+$(B)/firmware/$(1)/%.o: %.S | packages
+	@mkdir -p $$(@D)
+	$$(Q)$(2) $(3) -MMD -MP -c $$< -o $$@
+$(B)/firmware/$(1)/controller.elf: $$($(1)_OBJ)
+	$$(call say,LINK,$$@)
+	$$(Q)$(2) $(3) $$($(1)_OBJ) -Wl,-Map=$$(@:.elf=.map) -o $$@ $(5)
+endef
+-include $(wildcard firmware/ports/*/port.mk)
 
 .PHONY: ports
-ports: $(B)/libfirmware.a ## the controller for each port that can be built here
+ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compiler is here
 
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
+
+.PHONY: demo
+demo: all | packages ## make an organ, build its bank, press it, compare with finite elements (SCENE=name HOLD=1)
+	@host/cli/demo.sh
+
+.PHONY: test
+test: all $(TEST_BIN) sanitised | test-packages ## everything that must hold (T=word: only tests whose path has the word)
+	@tests/run.py --build $(B) --sanitised $(B)/san:$(subst $() $(),$(comma),$(SANITISED_DIRS)) $(T)
+
+.PHONY: sanitised sanitised-programs
+sanitised: | test-packages
+	@$(MAKE) --no-print-directory SAN=1 B=$(B)/san sanitised-programs
+sanitised-programs: $(PROGRAMS) $(filter $(SANITISED_DIRS:%=$(B)/tests/%/%),$(TEST_BIN))
+
+.PHONY: lint
+lint: | test-packages ## format, static analysis and the rules of the code
+	@tests/run.py --build $(B) tests/lint/
+
+.PHONY: format
+format: | test-packages ## lay out the C files
+	@clang-format -i $$(git ls-files '*.c' '*.h')
+
+.PHONY: fresh
+fresh: ## both commands from a clean clone in a bare Debian 12 root (as root, network, many minutes)
+	@tests/rig/fresh.sh . sh -c 'make demo && make test'
+
+.PHONY: deps
+deps: test-packages ## install the packages that building and testing need
 
 .PHONY: clean
 clean: ## remove build/
@@ -91,4 +174,4 @@ clean: ## remove build/
 
 .PHONY: help
 help: ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-8s %s\n", $$1, $$2}' Makefile
