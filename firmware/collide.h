@@ -1,8 +1,10 @@
 /* Collision of the instrument's points with the body's rest surface: a swept segment per tick and point against a uniform
- * grid, so that no speed tunnels; then, while in contact, an anchor that slides on the surface below the point.
+ * grid, so that no speed tunnels; then, while in contact, an anchor that slides on the surface over the point.
  *
- * Anchor: the surface point whose interpolated normal n passes through the tool point x, x = anchor - depth n. Normals are
- * interpolated over the triangle, so anchor, normal and depth are continuous when the tool crosses an edge. */
+ * Anchor: the surface point a whose interpolated normal m passes through the tool point x, x = a - t m. Vertex normals are
+ * interpolated linearly over the triangle, so anchor, normal and depth are continuous when the tool crosses an edge; the
+ * nearest point of a faceted surface would jump there. Contact begins when the sweep enters a triangle from outside and
+ * ends when the depth is no longer positive. */
 #ifndef TROCAR_COLLIDE_H
 #define TROCAR_COLLIDE_H
 
@@ -12,39 +14,43 @@
 #include "bank_view.h"
 
 enum {
-    COLLIDE_MAX_WALK = 24 /* triangles or refinements that an anchor may take in one tick */
+    COLLIDE_MAX_WALK = 24 /* Newton steps and triangle crossings that an anchor may take in one tick */
 };
 
 struct collide_hit {
     uint32_t triangle;
     float weights[3]; /* barycentric, sum 1 */
-    float fraction;   /* along the segment, 0..1 */
+    float fraction;   /* along the segment, 0 <= fraction < 1 */
 };
 
 struct collide_point {
-    bool known;         /* position_m is valid */
+    bool known; /* position_m is valid: the next segment starts there */
     bool touching;
     float position_m[3];
-    uint32_t triangle;  /* of the anchor */
+    uint32_t triangle; /* of the anchor */
     float weights[3];
-    float anchor_m[3], normal[3];
-    float depth_m;      /* > 0 while touching */
+    float anchor_m[3], normal[3]; /* outward unit normal */
+    float depth_m;                /* normal . (anchor - position), > 0 while touching */
 };
 
 struct collide {
-    uint32_t count;     /* points of the tool, <= BANK_MAX_TOOL_POINTS */
+    uint32_t count; /* points of the tool, <= BANK_MAX_TOOL_POINTS */
     struct collide_point point[BANK_MAX_TOOL_POINTS];
-    uint32_t walks_cut; /* counter: an anchor did not settle within COLLIDE_MAX_WALK */
+    uint32_t walks_cut; /* counter: an anchor did not settle within COLLIDE_MAX_WALK, or met a focal point */
 };
 
-/* First triangle that the segment from -> to enters from outside (against its normal). Equal fractions: the lower
- * triangle number. Exact agreement with collide_brute is a test. */
+/* First triangle that the segment from -> to enters from outside, that is against its normal: the end `from` on or above
+ * the triangle's plane, `to` below it. Equal fractions: the lower triangle number. Work: at most nx + ny + nz + 1 cells,
+ * each with at most max_in_cell triangles. Agreement with collide_brute is a test. */
 bool collide_sweep(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
 
-/* The same by looking at every triangle; for tests. */
+/* The same by looking at every triangle: for tests, and for the host to find where an axis meets the body. */
 bool collide_brute(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
 
 /* Move every point to its new position and update its contact. */
 void collide_update(struct collide *s, const struct bank_view *bank, const float (*positions_m)[3], uint32_t count);
+
+/* Forget positions and contacts: after a silence the way between is not known. */
+void collide_forget(struct collide *s);
 
 #endif

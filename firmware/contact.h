@@ -1,12 +1,18 @@
 /* The contact system: unilateral, frictionless, quasi-static, in compliance form.
  *
- * m contacts with normals n_c (outward), anchors with weights over three vertices, depths d_c of the device's points:
- *   C_cd = n_c . (sum_ij w_ci w_dj G_ij) n_d          tissue compliance between contacts
- *   A    = C + (n_c . n_d) / k + epsilon I            plus the virtual coupling k (a rigid tool on a spring to the hand)
- *   A p - d >= 0,  p >= 0,  p.(A p - d) = 0           p: normal force on the tissue; it pushes, it does not pull
- * A is positive definite for every set of contacts, coincident ones included (Gram matrices plus epsilon). The proxy is
- * the device's tip displaced by sum p n / k; the tissue's displacement at contact c is (C p)_c along n_c and follows in
- * all three components from G. */
+ * m contacts with outward normals n_c, anchors with weights w_ci over three vertices, depths d_c of the device's points:
+ *
+ *   g_cd = sum_ij w_ci w_dj G_ij n_d                  displacement of anchor c under a unit force along n_d at anchor d
+ *   A_cd = n_c . g_cd + (n_c . n_d) / k + epsilon [c = d]
+ *   A p - d >= 0,  p >= 0,  p . (A p - d) = 0         p_c: normal force, N; a tool pushes, it does not pull
+ *
+ * k is the virtual coupling: a rigid tool (the proxy) hangs on the device by a spring, and its share of the depth is
+ * solved together with the tissue's. So the hand never feels more than k, and a contact is never lost for stiffness.
+ * A is the sum of three Gram matrices, hence positive definite for every set of contacts, coincident ones included, with
+ * smallest eigenvalue >= epsilon: |p| <= |d| / epsilon.
+ *
+ * Sizes: m <= CONTACT_MAX. Work: 9 m (m+1)/2 blocks of the bank, then at most CONTACT_MAX_FACTORS factorisations of
+ * m^3/6 products, stopping early with a feasible p. */
 #ifndef TROCAR_CONTACT_H
 #define TROCAR_CONTACT_H
 
@@ -18,36 +24,42 @@
 
 enum {
     CONTACT_MAX = BANK_MAX_TOOL_POINTS,
-    CONTACT_MAX_FACTORS = 3 * CONTACT_MAX /* factorisations that the active-set method may take in one tick */
+    CONTACT_MAX_FACTORS = 3 * CONTACT_MAX /* steps that the active-set method may take in one tick */
 };
 
 struct contact {
-    uint32_t point;          /* of the tool */
+    uint32_t point; /* of the tool */
     uint32_t triangle;
     float weights[3];
-    float normal[3];
-    float depth_m;           /* imposed by the device */
-    float pressure_N;        /* p_c >= 0 */
-    float displacement_m[3]; /* of the tissue at the anchor, all three components, epsilon p n included */
+    float normal[3];  /* outward */
+    float depth_m;    /* of the device's point below the anchor */
+    float pressure_N; /* p_c >= 0 */
+    float displacement_m
+        [3]; /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
 };
 
 struct contact_set {
     uint32_t count;
     struct contact contact[CONTACT_MAX];
-    float system[CONTACT_MAX][CONTACT_MAX]; /* A */
-    uint32_t active;          /* bit per tool point: carried over, so that the next tick starts from this tick's answer */
-    uint32_t factors;         /* factorisations of this tick */
-    uint32_t cut;             /* counter: ticks in which the method stopped at its bound (with a feasible force) */
-    float force_N[3];         /* on the tool: sum p n */
-    float proxy_offset_m[3];  /* proxy tip minus device tip */
+    float response[CONTACT_MAX][CONTACT_MAX][3]; /* g_cd */
+    float system[CONTACT_MAX][CONTACT_MAX];      /* A */
+    uint32_t active;                             /* bit per tool point: the next tick starts from this tick's answer */
+    uint32_t factors;                            /* factorisations of this tick */
+    uint32_t cut;            /* counter: ticks in which the method stopped at its bound, with a feasible force */
+    float force_N[3];        /* of the tissue on the tool: sum p_c n_c */
+    float proxy_offset_m[3]; /* proxy's tip minus device's tip: force / k */
 };
 
-/* Gather touching points, assemble, solve, and evaluate. */
+/* Gather the touching points, assemble, solve, evaluate. */
 void contact_update(struct contact_set *s, const struct bank_view *bank, const struct collide *points);
 
-/* The solver alone: minimise 1/2 p.A p - d.p over p >= 0 for an m x m positive definite A (m <= CONTACT_MAX) by an
- * active-set method that keeps p feasible at every step. `active` in: first guess; out: the set. Returns factorisations
- * used; *cut when it stopped at CONTACT_MAX_FACTORS. */
-uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t *active, float *p, bool *cut);
+/* No contact, no force. */
+void contact_clear(struct contact_set *s);
+
+/* The solver alone: minimise 1/2 p.A p - d.p over p >= 0 for a positive definite m x m A, m <= CONTACT_MAX, by an
+ * active-set method (Lawson and Hanson 1974, ch. 23, in Gram form) that keeps p feasible at every step, so it may stop at
+ * any. `active` in: bits of the first guess; out: of the answer. Returns factorisations; *cut: stopped at the bound. */
+uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t *active, float *p,
+                       bool *cut);
 
 #endif

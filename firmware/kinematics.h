@@ -12,28 +12,31 @@
 #include "bank_format.h"
 
 struct kinematics {
-    bool started;        /* counts were seen: wrap can be followed */
-    uint16_t counts[3];  /* last raw counts */
-    int32_t turns[3];    /* unwrapped counts relative to count_zero */
-    float joint[3];      /* alpha, beta (rad), insertion (m) */
-    float joint_speed[3]; /* rad/s, m/s: first difference, filtered at 80 Hz */
+    bool started;         /* counts were seen: wrap can be followed */
+    uint16_t counts[3];   /* last raw counts that were accepted */
+    int32_t turns[3];     /* counts relative to count_zero, wrap undone */
+    float joint[3];       /* alpha, beta (rad), insertion (m) */
+    float joint_speed[3]; /* rad/s, m/s: first difference, low pass at 80 Hz */
     float sin_a, sin_b, cos_a, cos_b, c;
-    float tip_m[3];      /* world */
-    float velocity_m_s[3]; /* world, of the tip, from joint_speed */
-    float shaft[3];      /* unit vector along the instrument, world */
+    float tip_m[3];        /* world */
+    float velocity_m_s[3]; /* of the tip, world, from joint_speed */
+    float frame[9]; /* row-major; columns: the instrument's X, Y, Z (Z along the shaft), world. Roll is not applied. */
 };
 
-/* Follow the encoders by one sample. False when the sample is not plausible (out of range, too fast): the state is kept. */
-bool kinematics_update(struct kinematics *k, const struct bank_tool *tool, const uint16_t counts[3]);
+/* Follow the encoders by one sample, `elapsed_ticks` after the last accepted one. False when the sample is not plausible:
+ * beyond the joint's range by more than 5 % of it, or faster than its speed limit; the state is then kept. */
+bool kinematics_update(struct kinematics *k, const struct bank_tool *tool, const uint16_t counts[3],
+                       uint32_t elapsed_ticks);
 
-/* World position of a point given in the instrument's frame (Z along the shaft). */
-void kinematics_point(const struct kinematics *k, const struct bank_tool *tool, const float offset_m[3], float out_m[3]);
+/* World position of a point given in the instrument's frame (origin at the tip's centre, Z along the shaft). */
+void kinematics_point(const struct kinematics *k, const float offset_m[3], float out_m[3]);
 
 /* Joint efforts (N m, N m, N) equal in virtual work to `force_N` (world) acting on the tip: Jt F. */
 void kinematics_efforts(const struct kinematics *k, const struct bank_tool *tool, const float force_N[3],
                         float effort[3]);
 
-/* Efforts that hold the weight of the motor carried on the axis [C97 7.2]. */
+/* Efforts that hold the weight of the motor carried on the axis, at gravity_arm_m behind the trocar [C97 7.2]: the
+ * negative of what gravity does to the joints. */
 void kinematics_gravity(const struct kinematics *k, const struct bank_tool *tool, float effort[3]);
 
 #endif

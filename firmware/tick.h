@@ -1,8 +1,7 @@
 /* The tick: from an encoder sample to a torque command, once per millisecond. Freestanding, single precision, no
  * allocation, no recursion; one state struct; every loop's bound stands beside it.
  *
- * Frames of reference: "world" is the mesh's rest frame, m. "Force" here is exerted by the tissue on the tool unless the
- * name says otherwise. */
+ * Frames of reference: "world" is the body's rest frame, m. Contact and tip forces are exerted by the tissue on the tool. */
 #ifndef TROCAR_TICK_H
 #define TROCAR_TICK_H
 
@@ -19,33 +18,33 @@
 enum { FIRMWARE_ABI = 1, TICK_RATE_HZ = 1000 };
 
 struct tick_input {
-    bool fresh;              /* an encoder sample arrived for this tick */
-    uint8_t sequence;        /* 4 bits, of that sample */
-    uint16_t counts[3];      /* alpha, beta, insertion */
-    uint16_t roll, grip;     /* raw counts */
-    uint32_t samples;        /* encoder frames received since the last tick (1 is right) */
-    bool acknowledge;        /* the host asked to leave SAFE or READY for RUN */
-    bool stop;               /* the host asked for SAFE */
-    bool overrun;            /* the port saw the last tick end late */
+    bool fresh;          /* an encoder sample arrived for this tick */
+    uint8_t sequence;    /* 4 bits, of that sample */
+    uint16_t counts[3];  /* alpha, beta, insertion */
+    uint16_t roll, grip; /* raw counts; no part of the linear path uses them yet */
+    bool acknowledge;    /* the host asks to go on: READY -> RUN, SAFE -> READY */
+    bool stop;           /* the host asks for SAFE */
+    bool overrun;        /* the port saw the last tick end late */
 };
 
 struct tick_output {
-    float torque[3];         /* N m, N m, N: what the motors are told; 0 unless `enable` */
+    float torque[3]; /* N m, N m, N: what the motors are told; 0 unless `enable` */
     bool enable;
-    uint8_t sequence;        /* of the sample that this answers */
+    uint8_t sequence; /* of the sample that this answers */
 };
 
 /* All that a controller remembers; the only mutable state of the firmware. */
 struct controller {
+    uint32_t instrument; /* which TOOL record of the bank */
     uint32_t tick_count;
     struct safety safety;         /* state, counters, reasons */
     struct kinematics kinematics; /* joint angles, pose, Jacobian */
     struct collide collide;       /* per tool point: last position, contact anchor */
     struct contact_set contact;   /* system, active set, forces of this tick */
-    struct coupling coupling;     /* proxy, tip force after limits, passivity energy */
+    struct coupling coupling;     /* tip force after limits, passivity energy */
 };
 
-void controller_start(struct controller *c, const struct bank_view *bank, uint32_t instrument);
+void controller_start(struct controller *c, uint32_t instrument);
 void tick(struct controller *c, const struct bank_view *bank, const struct tick_input *in, struct tick_output *out);
 
 #endif

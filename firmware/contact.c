@@ -1,0 +1,203 @@
+#include "contact.h"
+
+#include "real.h"
+
+/* Solve A_PP s = d_P for the indices of a set by L D L^t, no roots. Returns false when a pivot is not positive: then A was
+ * not positive definite to working precision, which epsilon excludes; the caller keeps its last feasible point. */
+static bool solve_subset(const float (*A)[CONTACT_MAX], const float *d, const uint32_t *index, uint32_t n, float *s)
+{
+    float L[CONTACT_MAX][CONTACT_MAX], pivot[CONTACT_MAX];
+    for (uint32_t j = 0; j < n; j++) { /* bound: CONTACT_MAX */
+        float scaled[CONTACT_MAX], diagonal = A[index[j]][index[j]];
+        for (uint32_t k = 0; k < j; k++) { /* bound: CONTACT_MAX */
+            scaled[k] = L[j][k] * pivot[k];
+            diagonal -= L[j][k] * scaled[k];
+        }
+        if (!(diagonal > 0.0f))
+            return false;
+        pivot[j] = diagonal;
+        float inverse = 1.0f / diagonal;
+        for (uint32_t i = j + 1; i < n; i++) { /* bound: CONTACT_MAX */
+            float sum = A[index[i]][index[j]];
+            for (uint32_t k = 0; k < j; k++) /* bound: CONTACT_MAX */
+                sum -= L[i][k] * scaled[k];
+            L[i][j] = sum * inverse;
+        }
+    }
+    for (uint32_t i = 0; i < n; i++) { /* bound: CONTACT_MAX */
+        s[i] = d[index[i]];
+        for (uint32_t k = 0; k < i; k++) /* bound: CONTACT_MAX */
+            s[i] -= L[i][k] * s[k];
+    }
+    for (uint32_t i = n; i-- > 0;) { /* bound: CONTACT_MAX */
+        s[i] /= pivot[i];
+        for (uint32_t k = i + 1; k < n; k++) /* bound: CONTACT_MAX */
+            s[i] -= L[k][i] * s[k];
+    }
+    return true;
+}
+
+uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t *active, float *p, bool *cut)
+{
+    uint32_t set = *active & ((1u << m) - 1u), barred = 0, factors = 0, added = m;
+    float largest = 0.0f;
+    for (uint32_t i = 0; i < m; i++) { /* bound: CONTACT_MAX */
+        p[i] = 0.0f;
+        largest = d[i] > largest ? d[i] : largest;
+    }
+    const float tolerance_m = 1e-6f * largest; /* ten times the rounding of A p for the depths at hand */
+    *cut = true;
+    while (factors < CONTACT_MAX_FACTORS) { /* bound: CONTACT_MAX_FACTORS */
+        uint32_t index[CONTACT_MAX], n = 0;
+        for (uint32_t i = 0; i < m; i++) /* bound: CONTACT_MAX */
+            if (set >> i & 1u)
+                index[n++] = i;
+        float s[CONTACT_MAX];
+        factors++;
+        if (!solve_subset(A, d, index, n, s))
+            break;
+
+        /* As far towards s as p stays feasible; what reaches zero on the way leaves the set. */
+        float part = 1.0f, reach[CONTACT_MAX];
+        for (uint32_t i = 0; i < n; i++) { /* bound: CONTACT_MAX */
+            float q = p[index[i]];
+            reach[i] = s[i] > 0.0f ? 2.0f : q > 0.0f ? q / (q - s[i]) : 0.0f;
+            part = reach[i] < part ? reach[i] : part;
+        }
+        bool left = false;
+        for (uint32_t i = 0; i < n; i++) { /* bound: CONTACT_MAX */
+            float *q = &p[index[i]];
+            *q = reach[i] <= part ? 0.0f : *q + part * (s[i] - *q);
+            if (reach[i] <= part) {
+                left = true;
+                set &= ~(1u << index[i]);
+                if (index[i] == added && part == 0.0f) /* rounding: it cannot push, do not try it again in vain */
+                    barred |= 1u << added;
+            }
+        }
+        if (part > 0.0f)
+            barred = 0;
+        if (left)
+            continue;
+
+        /* p solves its set; take in the contact that penetrates most. */
+        uint32_t worst = m;
+        float most = tolerance_m;
+        for (uint32_t i = 0; i < m; i++) { /* bound: CONTACT_MAX */
+            if ((set | barred) >> i & 1u)
+                continue;
+            float short_m = d[i];
+            for (uint32_t k = 0; k < n; k++) /* bound: CONTACT_MAX */
+                short_m -= A[i][index[k]] * p[index[k]];
+            if (short_m > most) {
+                most = short_m;
+                worst = i;
+            }
+        }
+        if (worst == m) {
+            *cut = false;
+            break;
+        }
+        added = worst;
+        set |= 1u << worst;
+    }
+    *active = set;
+    return factors;
+}
+
+/* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
+ * directions, as G_ji is the transpose of G_ij. */
+static void assemble_response(struct contact_set *s, const struct bank_view *bank)
+{
+    uint32_t m = s->count;
+    for (uint32_t c = 0; c < m; c++)        /* bound: CONTACT_MAX */
+        for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
+            const struct contact *at = &s->contact[c], *from = &s->contact[d];
+            const uint16_t *vertex_c = bank->triangles[at->triangle].vertex;
+            const uint16_t *vertex_d = bank->triangles[from->triangle].vertex;
+            float forth[3] = {0.0f, 0.0f, 0.0f}, back[3] = {0.0f, 0.0f, 0.0f};
+            for (int i = 0; i < 3; i++) { /* bound: 3 */
+                uint16_t row = bank->row_of[vertex_c[i]];
+                for (int j = 0; j < 3; j++) { /* bound: 3 */
+                    uint16_t column = bank->row_of[vertex_d[j]];
+                    float w = at->weights[i] * from->weights[j], G[9];
+                    if (row == BANK_NONE || column == BANK_NONE || w == 0.0f)
+                        continue;
+                    bank_view_compliance(bank, row, column, G);
+                    for (int a = 0; a < 3; a++) { /* bound: 3 */
+                        forth[a] += w * real_dot(&G[3 * a], from->normal);
+                        back[a] += w * (G[a] * at->normal[0] + G[3 + a] * at->normal[1] + G[6 + a] * at->normal[2]);
+                    }
+                }
+            }
+            for (int a = 0; a < 3; a++) { /* bound: 3 */
+                s->response[d][c][a] = back[a];
+                s->response[c][d][a] = forth[a];
+            }
+        }
+}
+
+static void gather(struct contact_set *s, const struct collide *points)
+{
+    s->count = 0;
+    for (uint32_t i = 0; i < points->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
+        const struct collide_point *p = &points->point[i];
+        if (!p->touching)
+            continue;
+        struct contact *c = &s->contact[s->count++];
+        c->point = i;
+        c->triangle = p->triangle;
+        c->depth_m = p->depth_m;
+        for (int k = 0; k < 3; k++) { /* bound: 3 */
+            c->weights[k] = p->weights[k];
+            c->normal[k] = p->normal[k];
+        }
+    }
+}
+
+void contact_update(struct contact_set *s, const struct bank_view *bank, const struct collide *points)
+{
+    gather(s, points);
+    assemble_response(s, bank);
+    uint32_t m = s->count, guess = 0;
+    float softness = 1.0f / bank->contact->coupling_stiffness_N_m, depth[CONTACT_MAX], p[CONTACT_MAX];
+    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
+        const struct contact *at = &s->contact[c];
+        depth[c] = at->depth_m;
+        guess |= (s->active >> at->point & 1u) << c;
+        for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
+            float a = real_dot(at->normal, s->response[c][d]) + softness * real_dot(at->normal, s->contact[d].normal);
+            s->system[c][d] = s->system[d][c] = a;
+        }
+        s->system[c][c] += bank->contact->regularisation_m_N;
+    }
+    bool cut = false;
+    s->factors = m ? contact_solve((const float(*)[CONTACT_MAX])s->system, depth, m, &guess, p, &cut) : 0;
+    s->cut += cut;
+
+    s->active = 0;
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        s->force_N[a] = 0.0f;
+    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
+        struct contact *at = &s->contact[c];
+        at->pressure_N = p[c];
+        s->active |= (guess >> c & 1u) << at->point;
+        for (int a = 0; a < 3; a++) { /* bound: 3 */
+            s->force_N[a] += p[c] * at->normal[a];
+            float u = bank->contact->regularisation_m_N * p[c] * at->normal[a];
+            for (uint32_t d = 0; d < m; d++) /* bound: CONTACT_MAX */
+                u += s->response[c][d][a] * p[d];
+            at->displacement_m[a] = -u; /* the tool pushes the tissue against the outward normal */
+        }
+    }
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        s->proxy_offset_m[a] = softness * s->force_N[a];
+}
+
+void contact_clear(struct contact_set *s)
+{
+    s->count = 0;
+    s->active = 0;
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        s->force_N[a] = s->proxy_offset_m[a] = 0.0f;
+}
