@@ -27,7 +27,9 @@ machine()
     rm -rf "$tools" "$place/calls" "$place/installed"
     mkdir "$tools"
     for tool in sh true sed grep tail mktemp rm env cat printf tr; do
-        ln -s "$(command -v $tool)" "$tools/$tool" 2>/dev/null || true
+        for folder in /usr/bin /bin; do # not `command -v`, which answers with the shell's own for some
+            [ -x "$folder/$tool" ] && ln -sf "$folder/$tool" "$tools/$tool"
+        done
     done
     printf '%s\n' $2 >"$place/installed"
     printf '#!/bin/sh\necho %s\n' "$1" >"$tools/id"
