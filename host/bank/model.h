@@ -1,5 +1,5 @@
-/* The finite-element model of a body: linear tetrahedra [C97 1, P01 with V0], linear elasticity, sparse stiffness K, its
- * CHOLMOD factor. Unknowns are the free components only. Forces: K u = f, with f exerted on the body. */
+/* The finite-element model of a body: linear tetrahedra [C97 1, P01 with V0], linear elasticity, sparse stiffness K,
+ * its CHOLMOD factor. Unknowns are the free components only. Forces: K u = f, with f exerted on the body. */
 #ifndef TROCAR_MODEL_H
 #define TROCAR_MODEL_H
 
@@ -17,8 +17,8 @@ struct model; /* owns K, the factor and CHOLMOD's workspace; refers to mesh and 
 /* Assemble K with the scene's materials, fixed nodes and ligaments. Refuses materials that are not stable, elements
  * without material, empty selections, and a body with free rigid motions, saying which ("rotation about x", ...), per
  * component of the mesh. Does not factor. */
-int model_create(const struct scene *scene, const struct mesh *mesh, const struct surface *surface, struct model **model,
-                 struct failure *why);
+int model_create(const struct scene *scene, const struct mesh *mesh, const struct surface *surface,
+                 struct model **model, struct failure *why);
 void model_free(struct model *model);
 
 size_t model_unknowns(const struct model *model);
@@ -32,24 +32,26 @@ double model_mass(const struct model *model); /* kg, from the densities */
 /* y = K x over unknowns (for tests and residuals). */
 void model_multiply(const struct model *model, const double *x, double *y);
 
-/* u = K^-1 f for `columns` right-hand sides stored one after the other (model_unknowns each); factors K at first use. */
+/* u = K^-1 f for `columns` right-hand sides stored one after the other (model_unknowns each); factors K at first use.
+ */
 int model_solve(struct model *model, size_t columns, const double *f, double *u, struct failure *why);
 
 /* Reaction of an independent full solve: displacement prescribed on `m` constraint rows, row r being
  * sum_k weight[3r+k] * u[vertex[3r+k]] . direction[3r..3r+2] = d[r] (surface vertices), with regularisation epsilon:
- * the Lagrange multipliers p (force exerted on the tissue along each row's direction) solve (B K^-1 B^t + epsilon I) p = d.
- * Dense in m, sparse direct in the body; double precision. `compliance` (m x m, row-major) may be NULL. */
+ * the Lagrange multipliers p (force exerted on the tissue along each row's direction) solve (B K^-1 B^t + epsilon I) p
+ * = d. Dense in m, sparse direct in the body; double precision. `compliance` (m x m, row-major) takes B K^-1 B^t,
+ * without epsilon; it may be NULL. With d or p NULL only the compliance is computed. */
 int model_constrained(struct model *model, size_t m, const uint32_t *vertex, const double *weight,
                       const double *direction, double epsilon, const double *d, double *p, double *compliance,
                       struct failure *why);
 
 /* Compliance on the surface: rows are the surface vertices that are not wholly fixed, in vertex order.
- * G is n x n blocks, dense column-major 3n x 3n, lower half filled (double, malloc). Interior eliminated first, then the
- * inverse of the dense Schur complement: no solve per column. row_of[vertex] = row or UINT32_MAX. */
+ * G is n x n blocks, dense column-major 3n x 3n, lower half filled (double, malloc). Interior eliminated first, then
+ * the inverse of the dense Schur complement: no solve per column. row_of[vertex] = row or UINT32_MAX. */
 struct compliance {
     size_t rows;
-    double *G;        /* 9 rows^2 */
-    uint32_t *row_of; /* per surface vertex */
+    double *G;                  /* 9 rows^2 */
+    uint32_t *row_of;           /* per surface vertex */
     double median_diagonal_m_N; /* median over rows of trace(G_ii)/3 */
 };
 int compliance_build(struct model *model, bool quiet, struct compliance *compliance, struct failure *why);

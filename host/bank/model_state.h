@@ -1,0 +1,28 @@
+/* Inside of struct model: shared by model.c and compliance.c only. */
+#ifndef TROCAR_MODEL_STATE_H
+#define TROCAR_MODEL_STATE_H
+
+#include <cholmod.h>
+
+#include "model.h"
+
+struct model {
+    const struct mesh *mesh;
+    const struct surface *surface;
+    char place[300];  /* the scene's or the mesh's path, for messages */
+    int32_t *unknown; /* 3 per mesh node: number of the free component, -1 when fixed; rises with node and component */
+    size_t unknowns;
+    bool *fixed_vertex; /* per surface vertex: all three components fixed */
+    double mass_kg;
+    cholmod_common common;
+    cholmod_sparse *K;      /* lower half */
+    cholmod_factor *factor; /* of K, for the solves; NULL before the first */
+};
+
+/* CHOLMOD's status as ours: out of memory or too large, else a factor that does not exist. */
+int model_cholmod_failure(struct model *model, const char *what, struct failure *why);
+
+/* K is not positive definite at this unknown: say where in the body. */
+int model_indefinite(const struct model *model, size_t unknown, struct failure *why);
+
+#endif
