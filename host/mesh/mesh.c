@@ -1,0 +1,131 @@
+#include "mesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "crc.h"
+#include "mesh_readers.h"
+#include "progress.h"
+
+/* Files that people give by mistake, by their first bytes. */
+static const struct {
+    const char *name, *mark;
+    size_t length;
+} foreign[] = {
+    {"a PNG image", "\x89PNG", 4},
+    {"a JPEG image", "\xff\xd8\xff", 3},
+    {"a GIF image", "GIF8", 4},
+    {"a PDF document", "%PDF", 4},
+    {"a program (ELF)",
+     "\x7f"
+     "ELF",
+     4},
+    {"a ZIP archive", "PK\x03\x04", 4},
+    {"a gzip archive", "\x1f\x8b", 2},
+    {"an xz archive",
+     "\xfd"
+     "7zXZ",
+     5},
+    {"an HDF5 file", "\x89HDF", 4},
+    {"a script", "#!", 2},
+};
+
+bool mesh_has_extension(const char *path, const char *extension)
+{
+    size_t n = strlen(path), m = strlen(extension);
+    return n > m && strcasecmp(path + n - m, extension) == 0;
+}
+
+static bool begins(const struct scan *s, const char *word)
+{
+    size_t n = strlen(word);
+    return s->length >= n && memcmp(s->bytes, word, n) == 0;
+}
+
+static bool head_has(const struct scan *s, const char *word)
+{
+    return memmem(s->bytes, s->length < 4096 ? s->length : 4096, word, strlen(word)) != NULL;
+}
+
+static int not_a_mesh(struct scan *s)
+{
+    if (s->length == 0)
+        return failure_set(s->why, STATUS_MESH_FORMAT, s->path, NULL, "the file is empty");
+    for (size_t i = 0; i < sizeof foreign / sizeof foreign[0]; i++)
+        if (s->length >= foreign[i].length && memcmp(s->bytes, foreign[i].mark, foreign[i].length) == 0)
+            return failure_set(s->why, STATUS_MESH_FORMAT, s->path, NULL, "this is %s, not a mesh", foreign[i].name);
+    return failure_set(s->why, STATUS_MESH_FORMAT, s->path, NULL,
+                       "neither the content nor the extension is that of a known mesh format");
+}
+
+static int dispatch(struct scan *s, double surface_size, struct mesh *mesh)
+{
+    (void)surface_size;
+    (void)head_has;
+    const char *token;
+    struct scan peek = *s;
+    size_t n = scan_peek(&peek, &token);
+    if (n > 1 && token[0] == '$' && (begins(s, "$") || mesh_has_extension(s->path, ".msh")))
+        return read_gmsh(s, mesh);
+    if (mesh_has_extension(s->path, ".msh") && s->length && s->bytes[0] != 0x89)
+        return read_gmsh(s, mesh);
+    return not_a_mesh(s);
+}
+
+int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct failure *why)
+{
+    unsigned char *bytes;
+    size_t length;
+    *mesh = (struct mesh){0};
+    int status = file_load(path, &bytes, &length, why);
+    if (status)
+        return status;
+    struct scan s = scan_start(path, bytes, length, why);
+    status = dispatch(&s, surface_size, mesh);
+    if (mesh->file_hash == 0)
+        mesh->file_hash = crc32_update(0, bytes, length);
+    snprintf(mesh->path, sizeof mesh->path, "%s", path);
+    free(bytes);
+    if (status)
+        mesh_free(mesh);
+    return status;
+}
+
+int mesh_scale(struct mesh *mesh, double extent_m, enum mesh_unit unit, struct failure *why)
+{
+    static const double metres[] = {[MESH_UNIT_M] = 1, [MESH_UNIT_CM] = 1e-2, [MESH_UNIT_MM] = 1e-3};
+    double factor;
+    if (extent_m > 0 && isfinite(extent_m)) {
+        double longest = 0;
+        for (int k = 0; k < 3; k++) {
+            double low = INFINITY, high = -INFINITY;
+            for (size_t i = 0; i < mesh->node_count; i++) {
+                low = fmin(low, mesh->nodes[3 * i + k]);
+                high = fmax(high, mesh->nodes[3 * i + k]);
+            }
+            longest = fmax(longest, high - low);
+        }
+        if (!(longest > 0) || !isfinite(extent_m / longest))
+            return failure_set(why, STATUS_MESH_DEGENERATE, mesh->path, NULL, "all nodes stand at one place");
+        factor = extent_m / longest;
+    } else if (extent_m != 0) {
+        return failure_set(why, STATUS_MESH_SIZE, mesh->path, NULL, "the extent is %g m", extent_m);
+    } else if (unit == MESH_UNIT_M || unit == MESH_UNIT_CM || unit == MESH_UNIT_MM) {
+        factor = metres[unit];
+    } else {
+        return failure_set(why, STATUS_MESH_SIZE, mesh->path, NULL, "the length unit of the mesh is not known");
+    }
+    for (size_t i = 0; i < 3 * mesh->node_count; i++)
+        mesh->nodes[i] *= factor;
+    return STATUS_OK;
+}
+
+void mesh_free(struct mesh *mesh)
+{
+    free(mesh->nodes);
+    free(mesh->tetrahedra);
+    free(mesh->labels);
+    free(mesh->label);
+    *mesh = (struct mesh){0};
+}
