@@ -142,7 +142,7 @@ ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compile
 
 .PHONY: demo
 demo: all | packages ## make an organ, build its bank, press it, compare with finite elements (SCENE=name HOLD=1)
-	@host/cli/demo.sh
+	@B=$(B) host/cli/demo.sh
 
 .PHONY: test
 test: all $(TEST_BIN) sanitised | test-packages ## everything that must hold (T=word: only tests whose path has the word)
