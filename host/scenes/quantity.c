@@ -1,0 +1,256 @@
+#include "quantity.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+/* value = number * times / over: a power of ten below 1 divides, because dividing two exact numbers rounds once, so
+ * that "214 mm" is the same double as "0.214 m". */
+struct unit {
+    const char *name;
+    enum dimension dimension;
+    double times, over;
+    bool other_spelling; /* read, but neither listed nor printed */
+};
+
+static const double DEGREE_rad = 0.017453292519943295;
+
+static const struct unit units[] = {
+    {"%", DIMENSION_SHARE, 1, 100, false},
+    {"m", DIMENSION_LENGTH, 1, 1, false},
+    {"cm", DIMENSION_LENGTH, 1, 100, false},
+    {"mm", DIMENSION_LENGTH, 1, 1000, false},
+    {"Pa", DIMENSION_PRESSURE, 1, 1, false},
+    {"kPa", DIMENSION_PRESSURE, 1e3, 1, false},
+    {"MPa", DIMENSION_PRESSURE, 1e6, 1, false},
+    {"GPa", DIMENSION_PRESSURE, 1e9, 1, false},
+    {"kg/m3", DIMENSION_DENSITY, 1, 1, false},
+    {"kg/m^3", DIMENSION_DENSITY, 1, 1, true},
+    {"kg/m\xC2\xB3", DIMENSION_DENSITY, 1, 1, true},
+    {"g/cm3", DIMENSION_DENSITY, 1e3, 1, false},
+    {"g/cm^3", DIMENSION_DENSITY, 1e3, 1, true},
+    {"g/cm\xC2\xB3", DIMENSION_DENSITY, 1e3, 1, true},
+    {"N/m", DIMENSION_STIFFNESS, 1, 1, false},
+    {"N/mm", DIMENSION_STIFFNESS, 1e3, 1, false},
+    {"kN/m", DIMENSION_STIFFNESS, 1e3, 1, false},
+    {"N s/m", DIMENSION_DAMPING, 1, 1, false},
+    {"Ns/m", DIMENSION_DAMPING, 1, 1, true},
+    {"N*s/m", DIMENSION_DAMPING, 1, 1, true},
+    {"N", DIMENSION_FORCE, 1, 1, false},
+    {"mN", DIMENSION_FORCE, 1, 1000, false},
+    {"s", DIMENSION_TIME, 1, 1, false},
+    {"ms", DIMENSION_TIME, 1, 1000, false},
+    {"B", DIMENSION_BYTES, 1, 1, false},
+    {"KiB", DIMENSION_BYTES, 1024, 1, false},
+    {"MiB", DIMENSION_BYTES, 1048576, 1, false},
+    {"rad", DIMENSION_ANGLE, 1, 1, false},
+    {"deg", DIMENSION_ANGLE, DEGREE_rad, 1, false},
+};
+enum { UNIT_COUNT = sizeof units / sizeof units[0] };
+
+static const char *const dimension_name[] = {
+    [DIMENSION_NUMBER] = "a plain number", [DIMENSION_RATIO] = "a ratio",         [DIMENSION_SHARE] = "a share",
+    [DIMENSION_LENGTH] = "a length",       [DIMENSION_POSITION] = "a position",   [DIMENSION_PRESSURE] = "a pressure",
+    [DIMENSION_DENSITY] = "a density",     [DIMENSION_STIFFNESS] = "a stiffness", [DIMENSION_DAMPING] = "a damping",
+    [DIMENSION_FORCE] = "a force",         [DIMENSION_TIME] = "a time",           [DIMENSION_BYTES] = "a size",
+    [DIMENSION_ANGLE] = "an angle",
+};
+
+/* The dimension whose units a value may carry. */
+static enum dimension carried(enum dimension dimension)
+{
+    if (dimension == DIMENSION_RATIO)
+        return DIMENSION_SHARE;
+    if (dimension == DIMENSION_POSITION)
+        return DIMENSION_LENGTH;
+    return dimension;
+}
+
+static bool unit_optional(enum dimension dimension)
+{
+    return dimension == DIMENSION_NUMBER || dimension == DIMENSION_RATIO || dimension == DIMENSION_POSITION;
+}
+
+static const char *skip_spaces(const char *p)
+{
+    while (*p == ' ' || *p == '\t' || *p == '\n' || *p == '\r')
+        p++;
+    return p;
+}
+
+static bool digit(char c)
+{
+    return c >= '0' && c <= '9';
+}
+
+/* Behind the number at p, or NULL. "0.10..0.23": a point before a point is not a decimal point. */
+static const char *scan_number(const char *p, double *value)
+{
+    const char *start = p;
+    size_t digits = 0;
+    if (*p == '+' || *p == '-')
+        p++;
+    for (; digit(*p); p++)
+        digits++;
+    if (*p == '.' && p[1] != '.')
+        for (p++; digit(*p); p++)
+            digits++;
+    if (!digits)
+        return NULL;
+    if ((*p == 'e' || *p == 'E') && (digit(p[1]) || ((p[1] == '+' || p[1] == '-') && digit(p[2]))))
+        for (p += 2; digit(*p); p++)
+            ;
+    char number[QUANTITY_TEXT];
+    size_t length = (size_t)(p - start);
+    if (length >= sizeof number)
+        return NULL;
+    memcpy(number, start, length);
+    number[length] = 0;
+    *value = strtod(number, NULL);
+    return isfinite(*value) ? p : NULL;
+}
+
+static void expected(enum dimension dimension, char *text, size_t size)
+{
+    size_t used = (size_t)snprintf(text, size, "%s is expected here", dimension_name[dimension]);
+    const char *separator = " (";
+    for (int i = 0; i < UNIT_COUNT; i++)
+        if (units[i].dimension == carried(dimension) && !units[i].other_spelling && used < size) {
+            used += (size_t)snprintf(text + used, size - used, "%s%s", separator, units[i].name);
+            separator = ", ";
+        }
+    if (*separator == ',' && used < size)
+        snprintf(text + used, size - used, ")");
+}
+
+static const struct unit *find_unit(const char *text, size_t length, bool ignore_case)
+{
+    for (int i = 0; i < UNIT_COUNT; i++)
+        if (strlen(units[i].name) == length &&
+            (ignore_case ? strncasecmp(units[i].name, text, length) : strncmp(units[i].name, text, length)) == 0)
+            return &units[i];
+    return NULL;
+}
+
+/* Apply the unit of `length` characters at `text` (0: none). */
+static int apply_unit(double number, const char *text, size_t length, enum dimension dimension, double *value,
+                      char *message, size_t message_size)
+{
+    char wanted[120];
+    expected(dimension, wanted, sizeof wanted);
+    if (length == 0) {
+        *value = number;
+        if (unit_optional(dimension))
+            return STATUS_OK;
+        snprintf(message, message_size, "%g has no unit; %s", number, wanted);
+        return STATUS_SCENE_UNIT;
+    }
+    int shown = length > 24 ? 24 : (int)length;
+    const struct unit *unit = find_unit(text, length, false);
+    if (!unit) {
+        const struct unit *near = find_unit(text, length, true);
+        if (near)
+            snprintf(message, message_size, "the unit '%.*s' is not known (capitals matter: %s); %s", shown, text,
+                     near->name, wanted);
+        else
+            snprintf(message, message_size, "the unit '%.*s' is not known; %s", shown, text, wanted);
+        return STATUS_SCENE_UNIT;
+    }
+    if (unit->dimension != carried(dimension)) {
+        snprintf(message, message_size, "'%.*s' is the unit of %s; %s", shown, text, dimension_name[unit->dimension],
+                 wanted);
+        return STATUS_SCENE_UNIT;
+    }
+    *value = number * unit->times / unit->over;
+    if (isfinite(*value))
+        return STATUS_OK;
+    snprintf(message, message_size, "the number is too large");
+    return STATUS_SCENE_VALUE;
+}
+
+static size_t trimmed(const char *text, size_t length)
+{
+    while (length && strchr(" \t\n\r", text[length - 1]))
+        length--;
+    return length;
+}
+
+static int not_a_number(const char *text, enum dimension dimension, char *message, size_t message_size)
+{
+    char wanted[120];
+    expected(dimension, wanted, sizeof wanted);
+    snprintf(message, message_size, "'%.40s' is not a number that is understood; %s", text, wanted);
+    return STATUS_SCENE_VALUE;
+}
+
+int quantity_parse(const char *text, enum dimension dimension, double *value, char *message, size_t message_size)
+{
+    double number;
+    const char *rest = scan_number(skip_spaces(text), &number);
+    if (!rest)
+        return not_a_number(text, dimension, message, message_size);
+    rest = skip_spaces(rest);
+    return apply_unit(number, rest, trimmed(rest, strlen(rest)), dimension, value, message, message_size);
+}
+
+int quantity_parse_range(const char *text, enum dimension dimension, double range[2], char *message,
+                         size_t message_size)
+{
+    double first, second;
+    const char *rest = scan_number(skip_spaces(text), &first);
+    if (!rest)
+        return not_a_number(text, dimension, message, message_size);
+    const char *first_unit = skip_spaces(rest), *dots = strstr(rest, "..");
+    if (!dots) {
+        snprintf(message, message_size, "'%.40s' is one value; a range A..B is expected", text);
+        return STATUS_SCENE_VALUE;
+    }
+    size_t first_length = dots > first_unit ? trimmed(first_unit, (size_t)(dots - first_unit)) : 0;
+    rest = scan_number(skip_spaces(dots + 2), &second);
+    if (!rest)
+        return not_a_number(text, dimension, message, message_size);
+    const char *unit = skip_spaces(rest);
+    size_t length = trimmed(unit, strlen(unit));
+    int status = apply_unit(second, unit, length, dimension, &range[1], message, message_size);
+    if (status)
+        return status;
+    if (first_length)
+        return apply_unit(first, first_unit, first_length, dimension, &range[0], message, message_size);
+    return apply_unit(first, unit, length, dimension, &range[0], message, message_size);
+}
+
+/* The fewest digits that read back to the same double (17 always do), without an exponent where that stays readable. */
+static void shortest(double value, char text[QUANTITY_TEXT])
+{
+    int digits = 0;
+    do
+        snprintf(text, QUANTITY_TEXT, "%.*g", ++digits, value);
+    while (digits < 17 && strtod(text, NULL) != value);
+    if (!strchr(text, 'e') || fabs(value) < 1e-6 || fabs(value) >= 1e15)
+        return;
+    int decimals = digits - 1 - (int)floor(log10(fabs(value)));
+    snprintf(text, QUANTITY_TEXT, "%.*f", decimals > 0 ? decimals : 0, value);
+}
+
+void quantity_print(double value, enum dimension dimension, char text[QUANTITY_TEXT])
+{
+    char candidate[QUANTITY_TEXT], number[QUANTITY_TEXT], message[200];
+    text[0] = 0;
+    if (unit_optional(dimension))
+        shortest(value, text);
+    if (dimension == DIMENSION_POSITION)
+        return; /* all coordinates in one unit read better than the shortest of each */
+    for (int i = 0; i < UNIT_COUNT; i++) {
+        if (units[i].dimension != carried(dimension) || units[i].other_spelling)
+            continue;
+        shortest(value * units[i].over / units[i].times, number);
+        snprintf(candidate, sizeof candidate, "%.40s %s", number, units[i].name);
+        double back;
+        if (quantity_parse(candidate, dimension, &back, message, sizeof message) == STATUS_OK && back == value &&
+            (!text[0] || strlen(candidate) < strlen(text)))
+            memcpy(text, candidate, sizeof candidate);
+    }
+}
