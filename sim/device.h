@@ -13,15 +13,15 @@
 #include <stdint.h>
 
 struct device_axis_model {
-    double per_count;       /* rad or m per encoder count */
+    double per_count; /* rad or m per encoder count */
     uint16_t count_zero, count_modulus;
     double zero, minimum, maximum; /* rad or m */
-    double inertia;         /* kg m2 (alpha, beta: at the mid insertion) or kg */
-    double viscous;         /* N m s or N s/m */
-    double coulomb;         /* N m or N */
-    double effort_limit;    /* N m or N: motor saturation */
-    double bandwidth_Hz;    /* of the motor and its amplifier */
-    double speed_limit;     /* rad/s or m/s the device can reach */
+    double inertia;                /* kg m2 (alpha, beta: at the mid insertion) or kg */
+    double viscous;                /* N m s or N s/m */
+    double coulomb;                /* N m or N */
+    double effort_limit;           /* N m or N: motor saturation */
+    double bandwidth_Hz;           /* of the motor and its amplifier */
+    double speed_limit;            /* rad/s or m/s the device can reach */
 };
 
 struct device_model {
@@ -45,16 +45,16 @@ enum {
 
 struct device {
     const struct device_model *model;
-    double gravity_direction[3];   /* unit vector, trocar's frame; device_start sets Z (a vertical trocar) */
-    double joint[3], speed[3];     /* true state: rad, rad, m */
-    double effort[3], command[3];  /* motor efforts now; commanded */
+    double gravity_direction[3];  /* unit vector, trocar's frame; device_start sets Z (a vertical trocar) */
+    double joint[3], speed[3];    /* true state: rad, rad, m */
+    double effort[3], command[3]; /* motor efforts now; commanded */
     uint32_t samples;
     uint8_t sequence;
     bool enabled;
     uint32_t commands_received, commands_rejected; /* bad CRC or length */
-    uint32_t silence_us;           /* since the last torque frame, see DEVICE_SILENCE_US */
-    uint32_t silences;             /* times that it dropped its motors because of it */
-    double hand_force_N[3];        /* of the hand on the tip, trocar's frame, for logs */
+    uint32_t silence_us;                           /* since the last torque frame, see DEVICE_SILENCE_US */
+    uint32_t silences;                             /* times that it dropped its motors because of it */
+    double hand_force_N[3];                        /* of the hand on the tip, trocar's frame, for logs */
 };
 
 /* At rest with the tip at the hand's start. */

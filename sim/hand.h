@@ -28,9 +28,9 @@ enum hand_step_kind { HAND_APPROACH, HAND_PRESS, HAND_SLIDE, HAND_POKE, HAND_HOL
 
 struct hand_step {
     enum hand_step_kind kind;
-    double value_m[2];  /* depth; or x, y of slide */
-    double duration_s;  /* of the step (poke: of one poke) */
-    unsigned times;     /* poke */
+    double value_m[2]; /* depth; or x, y of slide */
+    double duration_s; /* of the step (poke: of one poke) */
+    unsigned times;    /* poke */
 };
 
 struct gesture {
@@ -50,9 +50,9 @@ double gesture_duration_s(const struct gesture *gesture);
 
 struct hand {
     double stiffness_N_m, damping_Ns_m; /* HAND_STIFFNESS_N_M, HAND_DAMPING_NS_M */
-    double start[3], touch[3];          /* tip targets in the trocar's frame: at rest, and where the axis meets the body */
-    const struct gesture *gesture;      /* NULL: stay at `start` */
-    double override_m[3];               /* target from keyboard or mouse, trocar's frame, while `overridden` */
+    double start[3], touch[3];     /* tip targets in the trocar's frame: at rest, and where the axis meets the body */
+    const struct gesture *gesture; /* NULL: stay at `start` */
+    double override_m[3];          /* target from keyboard or mouse, trocar's frame, while `overridden` */
     int overridden;
 };
 

@@ -1,0 +1,199 @@
+#include "fem_force.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <gsl/gsl_errno.h>
+#include <gsl/gsl_linalg.h>
+
+#include "progress.h"
+
+static void fem_sample_take(struct fem_sample *sample, const struct contact_set *set, uint64_t tick)
+{
+    memset(sample, 0, sizeof *sample);
+    sample->tick = tick;
+    sample->count = set->count;
+    memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
+    for (uint32_t c = 0; c < set->count; c++) {
+        sample->contact[c].triangle = set->contact[c].triangle;
+        sample->contact[c].depth_m = set->contact[c].depth_m;
+        memcpy(sample->contact[c].weights, set->contact[c].weights, sizeof sample->contact[c].weights);
+        memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
+    }
+}
+
+/* Values on the set {p > 0}: A_PP p_P = d_P. */
+static bool polish(uint32_t m, const double *A, const double *d, double *p)
+{
+    uint32_t index[CONTACT_MAX], n = 0;
+    double a[CONTACT_MAX * CONTACT_MAX], b[CONTACT_MAX], x[CONTACT_MAX];
+    for (uint32_t i = 0; i < m; i++)
+        if (p[i] > 0)
+            index[n++] = i;
+    if (n == 0)
+        return true;
+    for (uint32_t i = 0; i < n; i++) {
+        b[i] = d[index[i]];
+        for (uint32_t j = 0; j < n; j++)
+            a[n * i + j] = A[m * index[i] + index[j]];
+    }
+    gsl_matrix_view matrix = gsl_matrix_view_array(a, n, n);
+    gsl_vector_view right = gsl_vector_view_array(b, n), left = gsl_vector_view_array(x, n);
+    gsl_error_handler_t *handler = gsl_set_error_handler_off(); /* its default ends the process */
+    bool good = gsl_linalg_cholesky_decomp1(&matrix.matrix) == 0 &&
+                gsl_linalg_cholesky_solve(&matrix.matrix, &right.vector, &left.vector) == 0;
+    gsl_set_error_handler(handler);
+    for (uint32_t i = 0; good && i < n; i++)
+        p[index[i]] = x[i];
+    return good;
+}
+
+int fem_complementarity(uint32_t m, const double *A, const double *d, double *p, struct failure *why)
+{
+    double scale = 0;
+    for (uint32_t i = 0; i < m; i++) {
+        p[i] = 0;
+        scale = fmax(scale, fabs(d[i]));
+    }
+    /* Contraction is 1 - 1/cond(A) at worst; epsilon keeps cond below some 1e5. */
+    double change = INFINITY;
+    for (int sweep = 0; sweep < 2000000 && change > 1e-15; sweep++) {
+        change = 0;
+        double largest = 0;
+        for (uint32_t i = 0; i < m; i++) {
+            double r = d[i];
+            for (uint32_t j = 0; j < m; j++)
+                r -= A[m * i + j] * p[j];
+            double q = fmax(p[i] + r / A[m * i + i], 0);
+            change = fmax(change, fabs(q - p[i]));
+            p[i] = q;
+            largest = fmax(largest, q);
+        }
+        change = largest > 0 ? change / largest : 0;
+    }
+    bool good = polish(m, A, d, p);
+    for (uint32_t i = 0; good && i < m; i++) {
+        double w = -d[i];
+        for (uint32_t j = 0; j < m; j++)
+            w += A[m * i + j] * p[j];
+        good = p[i] >= 0 && w >= -1e-10 * scale && (p[i] == 0 || fabs(w) <= 1e-10 * scale);
+    }
+    if (!good)
+        return failure_set(why, STATUS_CHECK_FAILED, NULL, "look at the mesh with trocar mesh",
+                           "the finite-element reference found no contact forces for %u contacts", m);
+    return STATUS_OK;
+}
+
+int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample, double force_N[3],
+              struct failure *why)
+{
+    uint32_t m = sample->count, vertex[3 * CONTACT_MAX];
+    double weight[3 * CONTACT_MAX], normal[3 * CONTACT_MAX], d[CONTACT_MAX], p[CONTACT_MAX];
+    double A[CONTACT_MAX * CONTACT_MAX];
+    memset(force_N, 0, 3 * sizeof *force_N);
+    if (m == 0)
+        return STATUS_OK;
+    for (uint32_t c = 0; c < m; c++) {
+        d[c] = (double)sample->contact[c].depth_m;
+        for (int k = 0; k < 3; k++) {
+            vertex[3 * c + k] = body->surface.triangles[3 * sample->contact[c].triangle + k];
+            weight[3 * c + k] = (double)sample->contact[c].weights[k];
+            normal[3 * c + k] = (double)sample->contact[c].normal[k];
+        }
+    }
+    /* A becomes the tissue's compliance between the contacts; p without coupling and unilaterality is not used. */
+    double epsilon = (double)bank->contact->regularisation_m_N;
+    int status = model_constrained(body->model, m, vertex, weight, normal, epsilon, d, p, A, why);
+    if (status)
+        return status;
+    double softness = 1 / (double)bank->contact->coupling_stiffness_N_m;
+    for (uint32_t c = 0; c < m; c++)
+        for (uint32_t e = 0; e < m; e++)
+            for (int k = 0; k < 3; k++)
+                A[m * c + e] += softness * normal[3 * c + k] * normal[3 * e + k];
+    for (uint32_t c = 0; c < m; c++)
+        A[m * c + c] += epsilon;
+    status = fem_complementarity(m, A, d, p, why);
+    for (uint32_t c = 0; c < m && !status; c++)
+        for (int k = 0; k < 3; k++)
+            force_N[k] += p[c] * normal[3 * c + k];
+    return status;
+}
+
+void fem_record_start(struct fem_record *record, uint32_t every)
+{
+    *record = (struct fem_record){.stride = every ? every : 1, .fixed_stride = every != 0};
+}
+
+void fem_record_free(struct fem_record *record)
+{
+    free(record->sample);
+    *record = (struct fem_record){0};
+}
+
+static bool make_room(struct fem_record *record)
+{
+    if (record->count < record->room)
+        return true;
+    size_t room = record->room ? 2 * record->room : FEM_SPREAD;
+    struct fem_sample *larger = realloc(record->sample, room * sizeof *larger);
+    if (!larger)
+        return false; /* fewer samples are no harm */
+    record->sample = larger;
+    record->room = room;
+    return true;
+}
+
+void fem_record_tick(struct fem_record *record, const struct contact_set *set, uint64_t tick)
+{
+    if (set->count == 0)
+        return;
+    const float *f = set->force_N;
+    float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
+    if (force2 > record->peak_force2_N2) {
+        record->peak_force2_N2 = force2;
+        fem_sample_take(&record->peak, set, tick);
+    }
+    uint64_t number = record->contact_ticks++;
+    if (number % record->stride)
+        return;
+    if (!record->fixed_stride && record->count == FEM_SPREAD) {
+        for (size_t i = 0; i < FEM_SPREAD / 2; i++)
+            record->sample[i] = record->sample[2 * i];
+        record->count = FEM_SPREAD / 2;
+        record->stride *= 2;
+        if (number % record->stride)
+            return;
+    }
+    if (make_room(record))
+        fem_sample_take(&record->sample[record->count++], set, tick);
+}
+
+int fem_compare(const struct bank_view *bank, const struct body *body, const struct fem_record *record,
+                struct fem_comparison *comparison, struct failure *why)
+{
+    *comparison = (struct fem_comparison){0};
+    double largest = 0;
+    for (size_t i = 0; i <= record->count; i++) {
+        const struct fem_sample *sample = i < record->count ? &record->sample[i] : &record->peak;
+        if (sample->count == 0)
+            continue;
+        if (interrupted())
+            return failure_set(why, STATUS_INTERRUPTED, NULL, NULL, "interrupted during the finite-element comparison");
+        double f[3], difference2 = 0, force2 = 0;
+        int status = fem_force(bank, body, sample, f, why);
+        if (status)
+            return status;
+        for (int k = 0; k < 3; k++) {
+            difference2 += ((double)sample->force_N[k] - f[k]) * ((double)sample->force_N[k] - f[k]);
+            force2 += f[k] * f[k];
+        }
+        largest = fmax(largest, sqrt(difference2));
+        comparison->peak_force_N = fmax(comparison->peak_force_N, sqrt(force2));
+        comparison->compared++;
+    }
+    if (comparison->peak_force_N > 0)
+        comparison->error = largest / comparison->peak_force_N;
+    return STATUS_OK;
+}

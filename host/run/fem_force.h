@@ -1,0 +1,63 @@
+/* The force that a full finite-element solve gives for the very contacts of a tick, by another method and in double
+ * precision: nothing here is shared with the controller but the numbers that describe the contacts.
+ *
+ * Given contacts (triangle, weights, normal n_c, depth d_c) of a tick, the compliance between them comes from the sparse
+ * factor of K (a solve per contact, not the bank); A_cd = n_c.C_cd n_d + (n_c.n_d)/k + epsilon [c = d] with the bank's k
+ * and epsilon; then p >= 0, A p - d >= 0, p.(A p - d) = 0 by projected Gauss-Seidel, polished by a dense solve on the
+ * set that it found, and the three conditions are checked. The force on the tool is sum p_c n_c.
+ *
+ * So the comparison covers the bank's numbers, their reading, the assembly and the active-set solver in single
+ * precision. Not covered: where the contacts are (collision has its own tests) and the mesh's discretisation error. */
+#ifndef TROCAR_FEM_FORCE_H
+#define TROCAR_FEM_FORCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "bank.h"
+#include "contact.h"
+
+/* What is kept of a tick. */
+struct fem_sample {
+    uint64_t tick;
+    uint32_t count;
+    struct {
+        uint32_t triangle;
+        float weights[3], normal[3], depth_m;
+    } contact[CONTACT_MAX];
+    float force_N[3]; /* the controller's answer: of the tissue on the tool */
+};
+
+/* Samples of a run whose length is not known: every `stride`-th contact tick; when FEM_SPREAD are held and no stride was
+ * asked for, every other one is dropped and the stride doubles, so 8 to 16 stay, spread evenly; and the peak. */
+enum { FEM_SPREAD = 16 };
+struct fem_record {
+    uint64_t contact_ticks;
+    uint32_t stride;
+    bool fixed_stride;
+    size_t count, room;
+    struct fem_sample *sample; /* malloc */
+    struct fem_sample peak;
+    float peak_force2_N2;
+};
+void fem_record_start(struct fem_record *record, uint32_t every); /* 0: spread */
+void fem_record_tick(struct fem_record *record, const struct contact_set *set, uint64_t tick);
+void fem_record_free(struct fem_record *record);
+
+/* The comparison: solves all of them. `error` = largest |f - f_fem| / peak |f_fem|; 0 compared: there was no contact. */
+struct fem_comparison {
+    uint32_t compared;
+    double error, peak_force_N;
+};
+int fem_compare(const struct bank_view *bank, const struct body *body, const struct fem_record *record,
+                struct fem_comparison *comparison, struct failure *why);
+
+/* Force on the tool (N, world) by the full solve; STATUS_CHECK_FAILED when no solution of the conditions was found. */
+int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample, double force_N[3],
+              struct failure *why);
+
+/* The complementarity problem alone: m <= CONTACT_MAX, A row-major m x m, symmetric positive definite. */
+int fem_complementarity(uint32_t m, const double *A, const double *d, double *p, struct failure *why);
+
+#endif
