@@ -81,6 +81,9 @@ $(B)/obj/%.o: %.S | packages
 	$(call say,AS,$<)
 	$(Q)$(CC) -MMD -MP -c $< -o $@
 
+# .incbin leaves no trace that -MMD could follow
+$(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
+
 $(B)/libfirmware.a: $(FIRMWARE_OBJ)
 	@rm -f $@
 	$(Q)ar rcs $@ $^

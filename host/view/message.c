@@ -1,0 +1,210 @@
+#include "message.h"
+
+#include <json-c/json.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "safety.h"
+
+static struct json_object *number(double value)
+{
+    if (!isfinite(value))
+        return NULL;
+    struct json_object *object = json_object_new_double(value);
+    json_object_set_serializer(object, json_object_double_to_json_string, (void *)(uintptr_t) "%.9g", NULL);
+    return object;
+}
+
+static struct json_object *numbers(size_t count, const double *values)
+{
+    struct json_object *array = json_object_new_array();
+    for (size_t i = 0; i < count; i++)
+        json_object_array_add(array, number(values[i]));
+    return array;
+}
+
+static struct json_object *floats(size_t count, const float *values)
+{
+    struct json_object *array = json_object_new_array();
+    for (size_t i = 0; i < count; i++)
+        json_object_array_add(array, number((double)values[i]));
+    return array;
+}
+
+static void put(struct json_object *object, const char *key, struct json_object *value)
+{
+    json_object_object_add(object, key, value);
+}
+
+/* Header and JSON into the message, with room for `array_bytes` behind them; returns where those go, NULL without memory. */
+static unsigned char *begin(struct message *message, uint32_t kind, struct json_object *json, size_t array_bytes)
+{
+    size_t text_length = 0;
+    const char *text = json_object_to_json_string_length(json, JSON_C_TO_STRING_PLAIN, &text_length);
+    if (!text)
+        return NULL;
+    uint32_t padded = (uint32_t)((text_length + 3) & ~(size_t)3);
+    size_t length = 8 + padded + array_bytes;
+    if (length > message->capacity) {
+        unsigned char *grown = realloc(message->buffer, MESSAGE_HEADROOM + length);
+        if (!grown)
+            return NULL;
+        message->buffer = grown;
+        message->capacity = length;
+    }
+    message->length = length;
+    unsigned char *at = message->buffer + MESSAGE_HEADROOM;
+    memcpy(at, &kind, 4);
+    memcpy(at + 4, &padded, 4);
+    memset(at + 8, ' ', padded);
+    memcpy(at + 8, text, text_length);
+    return at + 8 + padded;
+}
+
+static int no_memory(struct failure *why)
+{
+    return failure_set(why, STATUS_MEMORY, "view", "", "no memory for a message to the page");
+}
+
+int message_hello(struct message *message, const struct bank_view *bank, const char *scene, struct failure *why)
+{
+    const struct bank_tool *tool = bank->tools;
+    size_t n = bank->vertex_count, t = bank->triangle_count;
+    int fixed = 0;
+    for (size_t v = 0; v < n; v++)
+        fixed += bank->row_of[v] == BANK_NONE;
+    float minimum[3], maximum[3];
+    for (size_t a = 0; a < 3; a++) {
+        minimum[a] = tool->axis[a].minimum;
+        maximum[a] = tool->axis[a].maximum;
+    }
+
+    struct json_object *json = json_object_new_object();
+    put(json, "protocol", json_object_new_int(1));
+    put(json, "scene", json_object_new_string(scene));
+    put(json, "vertices", json_object_new_int64((int64_t)n));
+    put(json, "triangles", json_object_new_int64((int64_t)t));
+    put(json, "fixed", json_object_new_int(fixed));
+    put(json, "trocar_m", floats(3, tool->trocar_m));
+    put(json, "rotation", floats(9, tool->rotation));
+    put(json, "tip_radius_m", number((double)tool->tip_radius_m));
+    put(json, "joint_min", floats(3, minimum));
+    put(json, "joint_max", floats(3, maximum));
+    put(json, "force_limit_N", number((double)bank->contact->force_limit_N));
+    struct json_object *names = json_object_new_array();
+    for (unsigned i = 0; link_health_name(i); i++)
+        json_object_array_add(names, json_object_new_string(link_health_name(i)));
+    put(json, "health_names", names);
+
+    unsigned char *at = begin(message, MESSAGE_HELLO, json, 12 * n + 6 * t + n);
+    json_object_put(json);
+    if (!at)
+        return no_memory(why);
+    memcpy(at, bank->positions, 12 * n);
+    at += 12 * n;
+    for (size_t i = 0; i < t; i++, at += 6)
+        memcpy(at, bank->triangles[i].vertex, 6);
+    for (size_t v = 0; v < n; v++)
+        *at++ = bank->row_of[v] == BANK_NONE;
+    return STATUS_OK;
+}
+
+static const char *state_name(unsigned state)
+{
+    static const char *const names[] = {"INIT", "READY", "RUN", "SAFE"};
+    return state <= SAFETY_SAFE ? names[state] : "INIT";
+}
+
+static struct json_object *contact_points(const struct bank_view *bank, const struct link *link)
+{
+    struct json_object *array = json_object_new_array();
+    for (size_t c = 0; c < link->contact_count && c < LINK_MAX_CONTACTS; c++) {
+        const struct link_contact *contact = &link->contact[c];
+        if (contact->triangle >= bank->triangle_count)
+            continue;
+        const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
+        double weight[3] = {1 - contact->weights[0] - contact->weights[1], contact->weights[0], contact->weights[1]};
+        double point[3];
+        for (size_t a = 0; a < 3; a++) {
+            point[a] = contact->displacement_m[a];
+            for (size_t k = 0; k < 3; k++)
+                point[a] += weight[k] * (double)bank->positions[3 * vertex[k] + a];
+        }
+        json_object_array_add(array, numbers(3, point));
+    }
+    return array;
+}
+
+static double silent_s(const struct message_state *state)
+{
+    uint64_t heard_us = state->link->heartbeat_time_us;
+    if (state->link->pose_time_us > heard_us)
+        heard_us = state->link->pose_time_us;
+    return fmax(0, state->time_s - 1e-6 * (double)heard_us);
+}
+
+static struct json_object *state_json(const struct bank_view *bank, const struct message_state *state, double max_m,
+                                      double scale_m)
+{
+    const struct link *link = state->link;
+    struct json_object *json = json_object_new_object();
+    put(json, "frame", json_object_new_int64((int64_t)state->number));
+    put(json, "time_s", number(state->time_s));
+    put(json, "tip_m", numbers(3, link->tip_m));
+    put(json, "force_N", numbers(3, link->force_N));
+    put(json, "contacts", contact_points(bank, link));
+    put(json, "state", json_object_new_string(state_name(link->state)));
+    put(json, "reason", json_object_new_string(link->reason ? status_name(link->reason) : ""));
+    put(json, "meaning", json_object_new_string(link->reason ? status_meaning(link->reason) : ""));
+    put(json, "remedy", json_object_new_string(link->reason ? status_remedy(link->reason) : ""));
+    put(json, "silent_s", number(silent_s(state)));
+    struct json_object *health = json_object_new_array();
+    for (unsigned i = 0; link_health_name(i); i++)
+        json_object_array_add(health, json_object_new_int64(link->health[i]));
+    put(json, "health", health);
+    struct json_object *trace = json_object_new_array();
+    for (unsigned i = 0; i < state->trace_count; i++)
+        json_object_array_add(trace, numbers(2, (double[2]){state->trace_time_s[i], state->trace_force_N[i]}));
+    put(json, "trace", trace);
+    put(json, "hand_m", numbers(3, state->hand_target_m));
+    put(json, "driven", json_object_new_boolean(state->driven));
+    put(json, "clients", json_object_new_int64(state->clients));
+    put(json, "dropped", json_object_new_int64((int64_t)state->dropped));
+    put(json, "malformed", json_object_new_int64((int64_t)state->malformed));
+    put(json, "field_error", json_object_new_string(state->field_error));
+    put(json, "max_m", number(max_m));
+    put(json, "scale_m", number(scale_m));
+    return json;
+}
+
+int message_frame(struct message *message, const struct bank_view *bank, const struct message_state *state,
+                  const double *u, struct failure *why)
+{
+    size_t n = bank->vertex_count;
+    double max_m = 0, max_component = 0;
+    for (size_t v = 0; v < n; v++) {
+        max_m = fmax(max_m, sqrt(u[3 * v] * u[3 * v] + u[3 * v + 1] * u[3 * v + 1] + u[3 * v + 2] * u[3 * v + 2]));
+        for (size_t a = 0; a < 3; a++)
+            max_component = fmax(max_component, fabs(u[3 * v + a]));
+    }
+    double scale_m = max_component > 0 && isfinite(max_component) ? max_component / 32767 : 1e-9;
+
+    struct json_object *json = state_json(bank, state, max_m, scale_m);
+    unsigned char *at = begin(message, MESSAGE_FRAME, json, 6 * n);
+    json_object_put(json);
+    if (!at)
+        return no_memory(why);
+    for (size_t i = 0; i < 3 * n; i++, at += 2) {
+        double scaled = u[i] / scale_m;
+        int16_t rounded = isfinite(scaled) ? (int16_t)lrint(fmin(fmax(scaled, -32767), 32767)) : 0;
+        memcpy(at, &rounded, 2);
+    }
+    return STATUS_OK;
+}
+
+void message_free(struct message *message)
+{
+    free(message->buffer);
+    *message = (struct message){0};
+}

@@ -1,0 +1,309 @@
+/* The 3D view: organ, instrument through its trocar, contacts and force, with three.js. World frame of the mesh, metres.
+ *
+ * The organ's triangles are those of the bank, displaced by the field; the normals are recomputed for every frame. Colour
+ * shows the length of the displacement, on a scale that the legend states. Without WebGL the constructor throws. */
+'use strict';
+
+/* Tissue at rest, then a path that grows lighter: still readable in grey and for colour-blind eyes. sRGB. */
+const COLOURS = [[0, 0xa8483f], [0.2, 0xc4624a], [0.45, 0xe08a4f], [0.7, 0xf2b95f], [1, 0xfdf0a8]];
+const FIXED_COLOUR = 0x75879a;
+const FORCE_COLOUR = 0xc2410c;
+
+const linear = (c) => (c <= 0.04045 ? c / 12.92 : Math.pow((c + 0.055) / 1.055, 2.4));
+const paintOf = (hex) => new THREE.Color(hex).convertSRGBToLinear();
+const channels = (hex) => [hex >> 16 & 255, hex >> 8 & 255, hex & 255];
+
+/* sRGB 0..255 of the colour scale at s in 0..1. */
+function scaleColour(s) {
+  let k = 1;
+  while (k < COLOURS.length - 1 && s > COLOURS[k][0]) k++;
+  const [s0, c0] = COLOURS[k - 1], [s1, c1] = COLOURS[k];
+  const a = channels(c0), b = channels(c1), t = Math.min(1, Math.max(0, (s - s0) / (s1 - s0)));
+  return a.map((v, i) => v + t * (b[i] - v));
+}
+
+class Stage {
+  constructor(canvas) {
+    this.canvas = canvas;
+    this.renderer = new THREE.WebGLRenderer({canvas, antialias: true, alpha: true});
+    this.renderer.gammaOutput = true;
+    this.renderer.gammaFactor = 2.2;
+    this.renderer.shadowMap.enabled = true;
+    this.renderer.shadowMap.type = THREE.PCFSoftShadowMap;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(32, 1, 0.005, 20);
+    this.range_m = 0.005; // of the colour scale
+    this.metresPerNewton = 0.02;
+    this.ramp = new Float32Array(3 * 256);
+    for (let i = 0; i < 256; i++) scaleColour(i / 255).forEach((v, k) => { this.ramp[3 * i + k] = linear(v / 255); });
+  }
+
+  /* Everything that does not move, from the hello. Called again after a reconnection: starts from nothing. */
+  build(hello) {
+    this.scene.traverse((object) => {
+      if (object.geometry) object.geometry.dispose();
+      if (object.material) object.material.dispose();
+    });
+    while (this.scene.children.length) this.scene.remove(this.scene.children[0]);
+
+    this.hello = hello;
+    const column = (k) => new THREE.Vector3(hello.rotation[k], hello.rotation[3 + k], hello.rotation[6 + k]);
+    this.axes = [column(0), column(1), column(2)];
+    this.up = this.axes[2].clone().negate(); // out of the body
+    this.trocar = new THREE.Vector3().fromArray(hello.trocar_m);
+    this.buildOrgan(hello);
+    this.buildInstrument(hello.tip_radius_m);
+    this.buildForce();
+    this.buildLights();
+    this.home();
+  }
+
+  buildOrgan(hello) {
+    const geometry = new THREE.BufferGeometry();
+    this.position = new THREE.BufferAttribute(new Float32Array(hello.rest), 3).setUsage(THREE.DynamicDrawUsage);
+    this.colour = new THREE.BufferAttribute(new Float32Array(hello.rest.length), 3).setUsage(THREE.DynamicDrawUsage);
+    geometry.setAttribute('position', this.position);
+    geometry.setAttribute('color', this.colour);
+    geometry.setIndex(new THREE.BufferAttribute(hello.index, 1));
+    geometry.computeVertexNormals();
+    geometry.computeBoundingSphere();
+    this.sphere = geometry.boundingSphere.clone();
+    this.sphere.radius *= 1.02;
+    const material = new THREE.MeshStandardMaterial({vertexColors: THREE.VertexColors, roughness: 0.52, metalness: 0.0});
+    this.organ = new THREE.Mesh(geometry, material);
+    this.organ.frustumCulled = false;
+    this.organ.castShadow = this.organ.receiveShadow = true;
+    this.scene.add(this.organ);
+
+    const wire = new THREE.MeshBasicMaterial({color: 0x2a1210, wireframe: true, transparent: true, opacity: 0.16, depthWrite: false});
+    this.edges = new THREE.Mesh(geometry, wire);
+    this.edges.frustumCulled = false;
+    this.edges.visible = Boolean(this.showEdges);
+    this.scene.add(this.edges);
+    this.geometry = geometry;
+    this.paint(new Float32Array(hello.rest.length));
+  }
+
+  buildInstrument(radius) {
+    const steel = new THREE.MeshStandardMaterial({color: paintOf(0xb4bcc3), roughness: 0.34, metalness: 0.35});
+    const dark = new THREE.MeshStandardMaterial({color: paintOf(0x46535e), roughness: 0.55, metalness: 0.1});
+    this.tip = new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 40, 28), steel);
+    this.shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.45 * radius, 0.45 * radius, 1, 32), steel);
+    this.grip = new THREE.Mesh(new THREE.CylinderBufferGeometry(1.5 * radius, 1.1 * radius, 1, 32), dark);
+    this.ring = new THREE.Mesh(new THREE.TorusBufferGeometry(1.9 * radius, 0.5 * radius, 20, 56),
+      new THREE.MeshStandardMaterial({color: paintOf(0x2f86b8), roughness: 0.45, metalness: 0.1}));
+    this.ring.position.copy(this.trocar);
+    this.ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), this.up);
+    for (const part of [this.tip, this.shaft, this.grip, this.ring]) {
+      part.castShadow = true;
+      this.scene.add(part);
+    }
+    this.radius = radius;
+    this.dots = [];
+    const dot = new THREE.SphereBufferGeometry(0.24 * radius, 16, 12);
+    for (let i = 0; i < 16; i++) {
+      const mesh = new THREE.Mesh(dot, new THREE.MeshBasicMaterial({color: 0x10222e, depthTest: false, transparent: true, opacity: 0.85}));
+      mesh.visible = false;
+      mesh.renderOrder = 2;
+      this.dots.push(mesh);
+      this.scene.add(mesh);
+    }
+  }
+
+  buildForce() {
+    const paint = new THREE.MeshStandardMaterial({color: paintOf(FORCE_COLOUR), emissive: paintOf(FORCE_COLOUR), emissiveIntensity: 0.35, roughness: 0.6});
+    this.arrow = new THREE.Group();
+    this.arrowStem = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.62 * this.radius, 0.62 * this.radius, 1, 32), paint);
+    this.arrowHead = new THREE.Mesh(new THREE.ConeBufferGeometry(1.5 * this.radius, 3.4 * this.radius, 40), paint);
+    this.arrow.add(this.arrowStem, this.arrowHead);
+    this.arrow.visible = false;
+    this.scene.add(this.arrow);
+  }
+
+  buildLights() {
+    const {center, radius} = this.sphere;
+    const sideways = this.axes[0], forward = this.axes[1];
+    const at = (a, b, c) => center.clone().addScaledVector(this.up, a * radius).addScaledVector(sideways, b * radius).addScaledVector(forward, c * radius);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xb9a49c, 0.62);
+    sky.position.copy(this.up);
+    const key = new THREE.DirectionalLight(0xfff6ec, 0.78);
+    key.position.copy(at(3, 1.2, -1.4));
+    key.target.position.copy(center);
+    key.castShadow = true;
+    key.shadow.mapSize.set(1024, 1024);
+    key.shadow.radius = 4;
+    key.shadow.bias = -0.0015;
+    const box = key.shadow.camera;
+    box.left = box.bottom = -1.7 * radius;
+    box.right = box.top = 1.7 * radius;
+    box.near = 0.2 * radius;
+    box.far = 8 * radius;
+    const fill = new THREE.DirectionalLight(0xdfeaf5, 0.3);
+    fill.position.copy(at(0.6, -2, 2));
+    fill.target.position.copy(center);
+    this.scene.add(sky, key, key.target, fill, fill.target);
+
+    /* The table: only its shadow is seen. Just under the lowest point of the body at rest. */
+    let lowest = Infinity;
+    const point = new THREE.Vector3(), rest = this.hello.rest;
+    for (let i = 0; i < rest.length; i += 3) lowest = Math.min(lowest, point.fromArray(rest, i).sub(center).dot(this.up));
+    const table = new THREE.Mesh(new THREE.PlaneBufferGeometry(14 * radius, 14 * radius), new THREE.ShadowMaterial({opacity: 0.17}));
+    table.position.copy(center).addScaledVector(this.up, lowest - 0.02 * radius);
+    table.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), this.up);
+    table.receiveShadow = true;
+    this.scene.add(table);
+  }
+
+  /* From the side on which the body is longest across the picture, a little from above. */
+  home() {
+    if (!this.hello) return;
+    this.resize();
+    const {center, radius} = this.sphere, rest = this.hello.rest, point = new THREE.Vector3();
+    let xx = 0, xy = 0, yy = 0;
+    for (let i = 0; i < rest.length; i += 3) {
+      point.fromArray(rest, i).sub(center);
+      const x = point.dot(this.axes[0]), y = point.dot(this.axes[1]);
+      xx += x * x; xy += x * y; yy += y * y;
+    }
+    const angle = 0.5 * Math.atan2(2 * xy, xx - yy) - 0.3; // of the long axis, turned a little for depth
+    const view = new THREE.Vector3().addScaledVector(this.axes[0], Math.sin(angle)).addScaledVector(this.axes[1], -Math.cos(angle));
+    const sight = view.multiplyScalar(0.84).addScaledVector(this.up, 0.54).normalize(); // from the target to the eye
+    const right = this.up.clone().cross(sight).normalize(), above = sight.clone().cross(right);
+
+    /* The nearest distance from which the body and the trocar fit; the middle of the picture is the middle of both. */
+    const corners = [this.trocar.clone().addScaledVector(this.up, 0.02)];
+    for (let i = 0; i < rest.length; i += 3) corners.push(new THREE.Vector3().fromArray(rest, i));
+    const middle = (axis) => {
+      const along = corners.map((corner) => corner.dot(axis));
+      return 0.5 * (along.reduce((a, b) => Math.min(a, b)) + along.reduce((a, b) => Math.max(a, b)));
+    };
+    const target = center.clone();
+    for (const axis of [right, above]) target.addScaledVector(axis, middle(axis) - target.dot(axis));
+    const slope = Math.tan(THREE.Math.degToRad(0.5 * this.camera.fov)) / 1.12;
+    let distance = radius;
+    for (const corner of corners) {
+      corner.sub(target);
+      const across = Math.max(Math.abs(corner.dot(right)) / Math.max(0.2, this.camera.aspect), Math.abs(corner.dot(above)));
+      distance = Math.max(distance, corner.dot(sight) + across / slope);
+    }
+    this.camera.up.copy(this.up);
+    this.camera.position.copy(target).addScaledVector(sight, distance);
+    this.camera.near = 0.05 * distance;
+    this.camera.far = 8 * distance;
+    if (this.controls) this.controls.dispose();
+    this.controls = new THREE.OrbitControls(this.camera, this.canvas);
+    this.controls.enableKeys = false; // the keys move the hand
+    this.controls.minDistance = 0.3 * radius;
+    this.controls.maxDistance = 12 * radius;
+    this.controls.target.copy(target);
+    this.controls.addEventListener('change', () => { this.dirty = true; });
+    this.controls.update();
+    this.dirty = true;
+  }
+
+  resize() {
+    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.dirty = true;
+  }
+
+  setEdges(visible) {
+    this.showEdges = visible;
+    if (this.edges) this.edges.visible = visible;
+    this.dirty = true;
+  }
+
+  paint(u) {
+    const colour = this.colour.array, fixed = this.hello.fixedFlags, held = channels(FIXED_COLOUR).map((v) => linear(v / 255));
+    for (let v = 0, i = 0; v < fixed.length; v++, i += 3) {
+      if (fixed[v]) {
+        colour[i] = held[0]; colour[i + 1] = held[1]; colour[i + 2] = held[2];
+        continue;
+      }
+      const length = Math.hypot(u[i], u[i + 1], u[i + 2]);
+      const k = 3 * Math.min(255, Math.round(255 * length / this.range_m));
+      colour[i] = this.ramp[k]; colour[i + 1] = this.ramp[k + 1]; colour[i + 2] = this.ramp[k + 2];
+    }
+    this.colour.needsUpdate = true;
+  }
+
+  update(frame) {
+    const position = this.position.array, rest = this.hello.rest, u = frame.u;
+    for (let i = 0; i < rest.length; i++) position[i] = rest[i] + u[i];
+    this.position.needsUpdate = true;
+    this.geometry.computeVertexNormals();
+    this.paint(u);
+    this.moveInstrument(new THREE.Vector3().fromArray(frame.tip_m));
+    this.dots.forEach((dot, i) => {
+      dot.visible = i < frame.contacts.length;
+      if (dot.visible) dot.position.fromArray(frame.contacts[i]);
+    });
+    this.moveForce(new THREE.Vector3().fromArray(frame.tip_m), new THREE.Vector3().fromArray(frame.force_N));
+    this.dirty = true;
+  }
+
+  moveInstrument(tip) {
+    const Y = new THREE.Vector3(0, 1, 0), axis = tip.clone().sub(this.trocar);
+    const inside = axis.length();
+    if (!(inside > 1e-6)) return;
+    axis.divideScalar(inside);
+    const outside = 0.045, handle = 0.032;
+    const along = (part, from, length) => {
+      part.quaternion.setFromUnitVectors(Y, axis.clone().negate());
+      part.position.copy(this.trocar).addScaledVector(axis, from + 0.5 * length);
+      part.scale.y = length;
+    };
+    along(this.shaft, -outside, inside + outside);
+    along(this.grip, -outside - handle, handle);
+    this.tip.position.copy(tip);
+  }
+
+  /* From the tip, in the direction in which the tissue pushes the tool. */
+  moveForce(tip, force) {
+    const newtons = force.length();
+    this.arrow.visible = newtons > 0.02;
+    if (!this.arrow.visible) return;
+    const head = 3.4 * this.radius, length = Math.max(head * 1.05, newtons * this.metresPerNewton);
+    this.arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), force.clone().divideScalar(newtons));
+    this.arrow.position.copy(tip);
+    this.arrowStem.scale.y = length - head;
+    this.arrowStem.position.y = 0.5 * (length - head);
+    this.arrowHead.position.y = length - 0.5 * head;
+    this.arrowEnd = tip.clone().addScaledVector(force, length / newtons);
+  }
+
+  /* Where the arrow ends on the canvas, in CSS pixels; null when there is no arrow. */
+  arrowOnScreen() {
+    if (!this.arrow || !this.arrow.visible) return null;
+    const p = this.arrowEnd.clone().project(this.camera);
+    return {x: 0.5 * (1 + p.x) * this.canvas.clientWidth, y: 0.5 * (1 - p.y) * this.canvas.clientHeight};
+  }
+
+  /* A step on the screen (right, up; metres at the tip) as a step of the hand in the trocar's frame, across the shaft. */
+  across(right, up) {
+    const e = this.camera.matrixWorld.elements;
+    const local = (x, y, z) => this.axes.slice(0, 2).map((axis) => axis.x * x + axis.y * y + axis.z * z);
+    const unit = (v) => { const n = Math.hypot(v[0], v[1]) || 1; return [v[0] / n, v[1] / n]; };
+    const r = unit(local(e[0], e[1], e[2]));
+    /* seen from above, up on the screen is the camera's up; from the side, away from the camera */
+    const f = unit(local(e[4] - e[8], e[5] - e[9], e[6] - e[10]));
+    return [right * r[0] + up * f[0], right * r[1] + up * f[1]];
+  }
+
+  /* Metres at the tip per CSS pixel. */
+  metresPerPixel() {
+    const distance = this.camera.position.distanceTo(this.tip.position);
+    return 2 * distance * Math.tan(THREE.Math.degToRad(0.5 * this.camera.fov)) / Math.max(1, this.canvas.clientHeight);
+  }
+
+  render() {
+    if (!this.dirty || !this.hello) return false;
+    this.dirty = false;
+    this.renderer.render(this.scene, this.camera);
+    return true;
+  }
+}
