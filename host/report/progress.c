@@ -72,54 +72,127 @@ void progress_end(struct progress *bar)
         fputc('\n', stderr);
 }
 
-int file_replace(const char *path, const void *bytes, size_t length, struct failure *why)
+static int write_failure(const struct file_writer *w, int code, struct failure *why)
 {
-    size_t room = strlen(path) + 32;
-    char *temporary = malloc(room);
-    if (!temporary)
+    return failure_set(why, STATUS_FILE_WRITE, w->path, NULL, "cannot write the file: %s", strerror(code));
+}
+
+/* A file without a name in the folder of `path`, or -1. Its name is given through /proc, which must be there. */
+static int open_nameless(const char *path)
+{
+    char *folder = strdup(path);
+    if (!folder)
+        return -1;
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        slash[slash == folder] = 0;
+    int file = open(slash ? folder : ".", O_RDWR | O_TMPFILE | O_CLOEXEC, 0666);
+    free(folder);
+    char link[64];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", file);
+    if (file >= 0 && access(link, F_OK) != 0) {
+        close(file);
+        return -1;
+    }
+    return file;
+}
+
+int file_begin(struct file_writer *w, const char *path, struct failure *why)
+{
+    *w = (struct file_writer){.descriptor = -1};
+    struct stat info;
+    if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
+        return failure_set(why, STATUS_FILE_WRITE, path, "name a file",
+                           S_ISDIR(info.st_mode) ? "this is a directory" : "this is not a regular file");
+    w->path = strdup(path);
+    w->temporary = malloc(strlen(path) + 32);
+    if (!w->path || !w->temporary) {
+        file_abandon(w);
         return failure_set(why, STATUS_MEMORY, path, NULL, "no memory to write the file");
-    snprintf(temporary, room, "%s.%ld.tmp", path, (long)getpid());
-    int file = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-    if (file < 0) {
+    }
+    sprintf(w->temporary, "%s.%ld.tmp", path, (long)getpid());
+    w->descriptor = open_nameless(path);
+    w->named = w->descriptor < 0;
+    if (w->named)
+        w->descriptor = open(w->temporary, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
+    if (w->descriptor < 0) {
         int code = errno;
-        free(temporary);
+        w->named = false;
+        file_abandon(w);
         return failure_set(why, STATUS_FILE_WRITE, path, NULL, "cannot create the file: %s", strerror(code));
     }
+    return STATUS_OK;
+}
+
+int file_patch(struct file_writer *w, size_t offset, const void *bytes, size_t length, struct failure *why)
+{
     const char *p = bytes;
-    size_t left = length;
-    bool good = true;
-    while (left > 0 && good && !interrupted()) {
-        ssize_t n = write(file, p, left > (1u << 24) ? (1u << 24) : left);
+    for (size_t done = 0; done < length;) {
+        if (interrupted())
+            return failure_set(why, STATUS_INTERRUPTED, w->path, NULL, "interrupted while writing");
+        size_t piece = length - done > (1u << 24) ? 1u << 24 : length - done;
+        ssize_t n = pwrite(w->descriptor, p + done, piece, (off_t)(offset + done));
         if (n < 0 && errno == EINTR)
             continue;
-        good = n > 0;
-        if (good) {
-            p += n;
-            left -= (size_t)n;
-        }
+        if (n <= 0)
+            return write_failure(w, n < 0 ? errno : ENOSPC, why);
+        done += (size_t)n;
     }
-    int code = errno;
-    bool stopped = left > 0 && good;
-    if (good && !stopped && fsync(file) < 0 && errno != EINVAL && errno != EROFS) {
-        good = false;
-        code = errno;
+    return STATUS_OK;
+}
+
+int file_append(struct file_writer *w, const void *bytes, size_t length, struct failure *why)
+{
+    int status = file_patch(w, w->length, bytes, length, why);
+    if (!status)
+        w->length += length;
+    return status;
+}
+
+int file_commit(struct file_writer *w, struct failure *why)
+{
+    if (fsync(w->descriptor) < 0 && errno != EINVAL && errno != EROFS)
+        return write_failure(w, errno, why);
+    if (interrupted())
+        return failure_set(why, STATUS_INTERRUPTED, w->path, NULL, "interrupted while writing");
+    if (!w->named) {
+        char link[64];
+        snprintf(link, sizeof link, "/proc/self/fd/%d", w->descriptor);
+        unlink(w->temporary); /* of an earlier process with the same number */
+        if (linkat(AT_FDCWD, link, AT_FDCWD, w->temporary, AT_SYMLINK_FOLLOW) < 0)
+            return write_failure(w, errno, why);
+        w->named = true;
     }
-    if (close(file) < 0 && good) {
-        good = false;
-        code = errno;
-    }
-    if (good && !stopped && rename(temporary, path) < 0) {
-        good = false;
-        code = errno;
-    }
-    int status = STATUS_OK;
-    if (stopped)
-        status = failure_set(why, STATUS_INTERRUPTED, path, NULL, "interrupted while writing");
-    else if (!good)
-        status = failure_set(why, STATUS_FILE_WRITE, path, NULL, "cannot write the file: %s", strerror(code));
-    if (status)
-        unlink(temporary);
-    free(temporary);
+    if (rename(w->temporary, w->path) < 0)
+        return write_failure(w, errno, why);
+    w->named = false;
+    int code = close(w->descriptor) < 0 ? errno : 0;
+    w->descriptor = -1;
+    int status = code ? write_failure(w, code, why) : STATUS_OK;
+    file_abandon(w);
+    return status;
+}
+
+void file_abandon(struct file_writer *w)
+{
+    if (w->descriptor >= 0)
+        close(w->descriptor);
+    if (w->named)
+        unlink(w->temporary);
+    free(w->path);
+    free(w->temporary);
+    *w = (struct file_writer){.descriptor = -1};
+}
+
+int file_replace(const char *path, const void *bytes, size_t length, struct failure *why)
+{
+    struct file_writer writer;
+    int status = file_begin(&writer, path, why);
+    if (!status)
+        status = file_append(&writer, bytes, length, why);
+    if (!status)
+        status = file_commit(&writer, why);
+    file_abandon(&writer);
     return status;
 }
 

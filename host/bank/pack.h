@@ -1,0 +1,50 @@
+/* Packing: from surface, compliance, instruments and contact to the bytes of bank_format.h.
+ *
+ *   pack_prepare     everything but the compliance, and the size that the bank will have: before the long computation
+ *   pack_write       all sections, in the order VERT NORM TRIA GRID ROWS CONT TOOL GHLF PROV (PROV still empty)
+ *   pack_provenance  replace PROV, once the errors that it states have been measured on what was written
+ *   pack_free
+ *
+ * The compliance is rounded to float32 (to nearest) and streamed in bands of rows, so that there is no second copy of
+ * it: workspace is PACK_BAND rows. */
+#ifndef TROCAR_PACK_H
+#define TROCAR_PACK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "bank_format.h"
+#include "failure.h"
+#include "grid.h"
+#include "mesh.h"
+#include "model.h"
+#include "progress.h"
+
+enum { PACK_SECTIONS = 9, PACK_BAND = 64 };
+
+struct pack {
+    size_t vertices, triangles, rows;
+    float *positions, *normals;
+    struct bank_triangle *triangle;
+    struct grid grid;
+    uint16_t *row_of;
+    struct bank_contact contact; /* set by the caller between pack_prepare and pack_write */
+    struct bank_tool tool[BANK_MAX_INSTRUMENTS];
+    size_t tools;
+    uint32_t scene_hash, mesh_hash;
+    uint64_t bytes; /* of the bank without the text of PROV */
+    struct bank_section section[PACK_SECTIONS];
+};
+
+/* `fixed` has one flag per surface vertex; the others own the rows 0, 1, ... in vertex order, as compliance_build
+ * numbers them. MESH_TOO_LARGE when the format's limits do not hold the body. */
+int pack_prepare(struct pack *pack, const struct mesh *mesh, const struct surface *surface, const bool *fixed,
+                 size_t tools, struct failure *why);
+int pack_write(struct pack *pack, const struct compliance *compliance, struct file_writer *writer, bool quiet,
+               struct failure *why);
+int pack_provenance(struct pack *pack, const char *text, size_t length, struct file_writer *writer,
+                    struct failure *why);
+void pack_free(struct pack *pack);
+
+#endif
