@@ -1,4 +1,5 @@
-/* Writing a bank and reading it back on the host: packing of the sections of bank_format.h, provenance, verification. */
+/* Writing a bank and reading it back on the host: packing of the sections of bank_format.h, provenance, verification.
+ */
 #ifndef TROCAR_BANK_H
 #define TROCAR_BANK_H
 
@@ -9,17 +10,23 @@
 #include "failure.h"
 #include "mesh.h"
 #include "model.h"
+#include "provenance.h"
 #include "scene.h"
+
+#define BANK_DISCRETISATION "P1, linear tetrahedra"
 
 struct build_result {
     size_t nodes, elements, surface_nodes, rows, bytes, unknowns;
     double seconds, peak_rss_bytes;
     double median_compliance_m_N;
+    double force_error_p95, force_error_max; /* of force_error.h, on the bank as written */
     struct mesh_report mesh;
 };
 
-/* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write. On
- * return the scene has its instruments placed. Nothing is written on failure or interrupt. */
+/* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write, open
+ * what was written and measure its force error, then give it its name. On return the scene has its instruments placed.
+ * Nothing appears at `out_path` on failure or interrupt; a path that cannot be written is refused before the long part.
+ */
 int bank_build(struct scene *scene, const char *out_path, bool quiet, struct build_result *result, struct failure *why);
 
 /* A bank in memory: the bytes (16-byte aligned, from a file) and the validated view of them. */
@@ -27,26 +34,38 @@ struct bank_file {
     unsigned char *bytes;
     size_t length;
     struct bank_view view;
-    char *scene_text; /* from PROV, malloc; NULL when absent */
-    char mesh_path[1024];
+    char path[1024];              /* as given to bank_load */
+    struct provenance provenance; /* empty when the bank has no section PROV */
+    const char *scene_text;       /* provenance.scene; NULL when absent */
+    char mesh_path[1024];         /* provenance.mesh_path */
 };
 int bank_load(const char *path, struct bank_file *bank, struct failure *why);
 void bank_unload(struct bank_file *bank);
+/* Fill `why` from a refusal by bank_view_open: names section and record, and which side to upgrade. Returns `status`.
+ */
+int bank_refusal(int status, const struct bank_view *view, const void *bytes, size_t length, const char *path,
+                 struct failure *why);
 
-/* The body that a bank was built from, read again from the mesh file that its provenance (or `scene`) names, checked by
- * hash: for verify, and for the independent finite-element force of `trocar run`. */
+/* A body ready for finite-element solves. Not to be moved in memory: the model points into it. */
 struct body {
     struct scene scene;
     struct mesh mesh;
     struct surface surface;
     struct model *model;
 };
-int body_open(const struct bank_file *bank, const char *scene_path /* or NULL */, struct body *body, struct failure *why);
+/* From a scene: read the mesh, check, scale, surface, assemble, place the instruments. `report` may be NULL. */
+int body_from_scene(const struct scene *scene, struct body *body, struct mesh_report *report, struct failure *why);
+/* The body that a bank was built from, for verify and for the independent finite-element force of `trocar run`: from
+ * the scene file, or from the scene in the bank's provenance. Then the mesh is looked for as its path is stored, and
+ * relative to the bank's folder; the first file whose CRC-32 is the bank's is taken. FILE_OPEN when there is none,
+ * CHECK_FAILED when one is there but has changed, or when its surface is no longer the bank's. */
+int body_open(const struct bank_file *bank, const char *scene_path /* or NULL */, struct body *body,
+              struct failure *why);
 void body_close(struct body *body);
 
-/* Displacement field of all surface vertices from contacts: u = G W p with p from (W^t G W + epsilon I) p = d in double.
- * Contact c: triangle[c], weights on its vertices 1 and 2 (that of vertex 0 is 1 - w1 - w2), displacement[3c..] in m.
- * Fills u (3 per vertex) and, unless NULL, force (3 per contact, on the tissue). Bound: count <= 64. */
+/* Displacement field of all surface vertices from contacts: u = G W p with p from (W^t G W + epsilon I) p = d in
+ * double. Contact c: triangle[c], weights on its vertices 1 and 2 (that of vertex 0 is 1 - w1 - w2), displacement[3c..]
+ * in m. Fills u (3 per vertex) and, unless NULL, force (3 per contact, on the tissue). Bound: count <= 64. */
 int field_from_contacts(const struct bank_view *bank, size_t count, const uint32_t *triangle, const double *weights,
                         const double *displacement, double *u, double *force, struct failure *why);
 

@@ -1,3 +1,4 @@
+#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,7 +49,7 @@ static int gather(const struct bank_view *bank, size_t count, const uint32_t *tr
     return STATUS_OK;
 }
 
-/* W^t G W + epsilon I, row-major, 3 count square. */
+/* W^t G W + epsilon I, 3 count square, symmetric. */
 static void assemble(const struct bank_view *bank, const struct touched *s, size_t count, double *A)
 {
     size_t n = 3 * count;
@@ -67,37 +68,6 @@ static void assemble(const struct bank_view *bank, const struct touched *s, size
         }
     for (size_t i = 0; i < n; i++)
         A[n * i + i] += (double)bank->contact->regularisation_m_N;
-}
-
-/* Cholesky in place of the lower half, and the solution in place of x. False when a pivot is not positive, which
- * epsilon excludes for a compliance that is positive semidefinite to within float32 rounding. */
-static bool solve(double *A, size_t n, double *x)
-{
-    for (size_t j = 0; j < n; j++) {
-        double d = A[n * j + j];
-        for (size_t k = 0; k < j; k++)
-            d -= A[n * j + k] * A[n * j + k];
-        if (!(d > 0))
-            return false;
-        A[n * j + j] = d = sqrt(d);
-        for (size_t i = j + 1; i < n; i++) {
-            double s = A[n * i + j];
-            for (size_t k = 0; k < j; k++)
-                s -= A[n * i + k] * A[n * j + k];
-            A[n * i + j] = s / d;
-        }
-    }
-    for (size_t i = 0; i < n; i++) {
-        for (size_t k = 0; k < i; k++)
-            x[i] -= A[n * i + k] * x[k];
-        x[i] /= A[n * i + i];
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t k = i + 1; k < n; k++)
-            x[i] -= A[n * k + i] * x[k];
-        x[i] /= A[n * i + i];
-    }
-    return true;
 }
 
 /* u_row += sum over touched rows of G(row, t) f_t. Each row of the half matrix is one run of memory: the blocks left of
@@ -142,7 +112,9 @@ int field_from_contacts(const struct bank_view *bank, size_t count, const uint32
     if (!status) {
         assemble(bank, s, count, A);
         memcpy(p, displacement, 3 * count * sizeof *p);
-        if (!solve(A, 3 * count, p))
+        /* not positive definite is excluded by epsilon as long as the compliance is, to within float32 rounding */
+        int n = (int)(3 * count);
+        if (LAPACKE_dposv(LAPACK_COL_MAJOR, 'L', n, 1, A, n, p, n) != 0)
             status = failure_set(why, STATUS_BANK_NONFINITE, NULL, "verify the bank",
                                  "the contacts' compliance is not positive definite");
     }
