@@ -1,0 +1,175 @@
+/* trocar build MESH|SCENE: a bank from a scene, or from a mesh alone in the scene that is assumed and printed. */
+#include <getopt.h>
+#include <json-c/json.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "bank.h"
+#include "cli.h"
+#include "force_error.h"
+
+static const char usage[] =
+    "usage: trocar build SCENE.yaml -o BANK [--json] [--quiet]\n"
+    "       trocar build MESH --extent METRES | --unit m|cm|mm [--size METRES] -o BANK [--json] [--quiet]\n"
+    "\n"
+    "Builds the bank that a controller reads. With a mesh alone, the scene that is assumed (tissue E = 4 kPa, nu = "
+    "0.45,\n"
+    "rho = 1060 kg/m3, 4 % of the surface fixed at the end of the longest axis, one instrument above the middle) is\n"
+    "printed as YAML, ready to be saved, edited and built.\n"
+    "\n"
+    "  -o, --output BANK    the file to write\n"
+    "      --extent METRES  length of the longest side of the body's box\n"
+    "      --unit UNIT      unit of the mesh's coordinates: m, cm or mm\n"
+    "      --size METRES    element size with which a surface (STL, OBJ, PLY) is filled; its own triangles if not "
+    "given\n"
+    "      --json           one JSON object on stdout; an assumed scene then goes to stderr\n"
+    "      --quiet          no progress\n";
+
+struct options {
+    const char *input, *output;
+    double extent_m, size_m;
+    enum mesh_unit unit;
+    bool json, quiet, help;
+};
+
+static int parse_unit(const char *text, enum mesh_unit *unit, struct failure *why)
+{
+    static const struct {
+        const char *name;
+        enum mesh_unit unit;
+    } units[] = {{"m", MESH_UNIT_M}, {"cm", MESH_UNIT_CM}, {"mm", MESH_UNIT_MM}};
+    for (size_t k = 0; k < sizeof units / sizeof units[0]; k++)
+        if (!strcmp(text, units[k].name)) {
+            *unit = units[k].unit;
+            return STATUS_OK;
+        }
+    return failure_set(why, STATUS_USAGE, NULL, NULL, "--unit is m, cm or mm, not \"%.60s\"", text);
+}
+
+static int parse(int argc, char **argv, struct options *o, struct failure *why)
+{
+    enum { EXTENT = 256, UNIT, SIZE, JSON, QUIET };
+    static const struct option longs[] = {
+        {"output", required_argument, NULL, 'o'}, {"extent", required_argument, NULL, EXTENT},
+        {"unit", required_argument, NULL, UNIT},  {"size", required_argument, NULL, SIZE},
+        {"json", no_argument, NULL, JSON},        {"quiet", no_argument, NULL, QUIET},
+        {"help", no_argument, NULL, 'h'},         {0}};
+    int answer, status = STATUS_OK;
+    opterr = 0;
+    optind = 0; /* GNU: start over */
+    while (!status && (answer = getopt_long(argc, argv, ":o:h", longs, NULL)) != -1) {
+        if (answer == 'o')
+            o->output = optarg;
+        else if (answer == EXTENT)
+            status = cli_positive("--extent", optarg, &o->extent_m, why);
+        else if (answer == UNIT)
+            status = parse_unit(optarg, &o->unit, why);
+        else if (answer == SIZE)
+            status = cli_positive("--size", optarg, &o->size_m, why);
+        else if (answer == JSON)
+            o->json = true;
+        else if (answer == QUIET)
+            o->quiet = true;
+        else if (answer == 'h') {
+            o->help = true;
+            return STATUS_OK;
+        } else
+            return cli_bad_option("build", answer, argv, why);
+    }
+    if (status)
+        return status;
+    if (optind != argc - 1)
+        return failure_set(why, STATUS_USAGE, NULL, "see trocar build --help",
+                           optind == argc ? "no mesh and no scene is given" : "more than one mesh or scene is given");
+    if (!o->output)
+        return failure_set(why, STATUS_USAGE, NULL, "add -o BANK", "no output file is given");
+    if (o->extent_m > 0 && o->unit)
+        return failure_set(why, STATUS_USAGE, NULL, "give one of them", "--extent and --unit exclude each other");
+    o->input = argv[optind];
+    return STATUS_OK;
+}
+
+static bool is_scene(const char *path)
+{
+    const char *dot = strrchr(path, '.');
+    return dot && (!strcasecmp(dot, ".yaml") || !strcasecmp(dot, ".yml"));
+}
+
+static int get_scene(const struct options *o, struct scene *scene, struct failure *why)
+{
+    if (is_scene(o->input)) {
+        if (o->extent_m > 0 || o->unit || o->size_m > 0)
+            return failure_set(why, STATUS_USAGE, o->input, "write it under body: mesh: there",
+                               "--extent, --unit and --size are for a mesh; a scene says its own");
+        return scene_read(o->input, scene, why);
+    }
+    if (!(o->extent_m > 0) && !o->unit)
+        return failure_set(why, STATUS_MESH_SIZE, o->input, NULL, "the mesh's length unit is not given");
+    scene_assume(o->input, o->extent_m, o->unit, scene);
+    scene->surface_size_m = o->size_m;
+    return STATUS_OK;
+}
+
+static void print_json(const struct build_result *r, const char *path)
+{
+    struct json_object *root = json_object_new_object(), *error = json_object_new_object();
+    json_object_object_add(root, "bank", json_object_new_string(path));
+    json_object_object_add(root, "nodes", json_object_new_int64((int64_t)r->nodes));
+    json_object_object_add(root, "elements", json_object_new_int64((int64_t)r->elements));
+    json_object_object_add(root, "surface_nodes", json_object_new_int64((int64_t)r->surface_nodes));
+    json_object_object_add(root, "free_surface_nodes", json_object_new_int64((int64_t)r->rows));
+    json_object_object_add(root, "unknowns", json_object_new_int64((int64_t)r->unknowns));
+    json_object_object_add(root, "bytes", json_object_new_int64((int64_t)r->bytes));
+    json_object_object_add(root, "seconds", json_object_new_double(r->seconds));
+    json_object_object_add(root, "peak_rss_bytes", json_object_new_int64((int64_t)r->peak_rss_bytes));
+    json_object_object_add(root, "median_compliance_m_N", json_object_new_double(r->median_compliance_m_N));
+    json_object_object_add(root, "discretisation", json_object_new_string(BANK_DISCRETISATION));
+    json_object_object_add(error, "reference", json_object_new_string(FORCE_ERROR_REFERENCE));
+    json_object_object_add(error, "p95", json_object_new_double(r->force_error_p95));
+    json_object_object_add(error, "max", json_object_new_double(r->force_error_max));
+    json_object_object_add(root, "force_error", error);
+    puts(json_object_to_json_string_ext(root, JSON_C_TO_STRING_SPACED | JSON_C_TO_STRING_NOSLASHESCAPE));
+    json_object_put(root);
+}
+
+static void print_text(FILE *out, const struct build_result *r, const char *path)
+{
+    fprintf(out,
+            "%s: %zu nodes, %zu tetrahedra, %zu surface nodes (%zu free)\n"
+            "%zu bytes, built in %.1f s with at most %.0f MB\n"
+            "force error %.1e (p95), %.1e (max) against a %s\n",
+            path, r->nodes, r->elements, r->surface_nodes, r->rows, r->bytes, r->seconds, 1e-6 * r->peak_rss_bytes,
+            r->force_error_p95, r->force_error_max, FORCE_ERROR_REFERENCE);
+}
+
+int verb_build(int argc, char **argv, struct failure *why)
+{
+    struct options o = {0};
+    int status = parse(argc, argv, &o, why);
+    if (status)
+        return status;
+    if (o.help) {
+        fputs(usage, stdout);
+        return STATUS_OK;
+    }
+    struct scene *scene = calloc(1, sizeof *scene);
+    struct build_result result;
+    if (!scene)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
+    status = get_scene(&o, scene, why);
+    if (!status)
+        status = bank_build(scene, o.output, o.quiet, &result, why);
+    char *assumed = !status && !is_scene(o.input) ? scene_print(scene) : NULL;
+    free(scene);
+    if (status)
+        return status;
+    if (assumed)
+        fputs(assumed, o.json ? stderr : stdout);
+    free(assumed);
+    if (o.json)
+        print_json(&result, o.output);
+    else
+        print_text(is_scene(o.input) ? stdout : stderr, &result, o.output);
+    return STATUS_OK;
+}
