@@ -21,14 +21,14 @@ static int32_t signed_field_of(uint64_t frame, unsigned start, unsigned bits)
 
 static void store(uint8_t data[8], uint64_t bits)
 {
-    for (unsigned i = 0; i < 8; i++) /* 8 bytes */
+    for (unsigned i = 0; i < 8; i++) /* bound: 8 */
         data[i] = (uint8_t)(bits >> 8 * i & 0xff);
 }
 
 static uint64_t load(const uint8_t *data, unsigned length)
 {
     uint64_t bits = 0;
-    for (unsigned i = 0; i < length; i++) /* at most 8 bytes */
+    for (unsigned i = 0; i < length; i++) /* bound: 8, the length of a frame */
         bits |= (uint64_t)data[i] << 8 * i;
     return bits;
 }

@@ -48,6 +48,7 @@ struct dbc_signal {
     double factor, offset, minimum, maximum; /* physical = raw factor + offset */
     char unit[DBC_MAX_NAME + 1];
     uint32_t receivers; /* bit per node of BU_ */
+    long line;
     size_t value_count;
     struct dbc_value value[DBC_MAX_VALUES];
 };
