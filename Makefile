@@ -84,6 +84,9 @@ $(B)/obj/%.o: %.S | packages
 # .incbin leaves no trace that -MMD could follow
 $(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
 
+# The assembler includes the page as it is; it writes no dependencies.
+$(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
+
 $(B)/libfirmware.a: $(FIRMWARE_OBJ)
 	@rm -f $@
 	$(Q)ar rcs $@ $^
