@@ -15,6 +15,27 @@
         __VA_ARGS__, NULL                                                                                              \
     }
 
+/* Wide bounds, to keep mistakes of units and numbers that overflow a float out. */
+static const double MIN_LENGTH_m = 1e-5, MAX_LENGTH_m = 1e3;
+
+/* A value from `low` to `high`; `shown` is the unit of the message. */
+static void bounded(struct tree *t, tree_node node, const char *name, enum dimension dimension, double low, double high,
+                    const char *shown, double *value)
+{
+    tree_quantity(t, node, name, dimension, value);
+    tree_require(t, node, *value >= low && *value <= high, "%s = %.9g%s: it must be from %g to %g", name, *value, shown,
+                 low, high);
+}
+
+static void position(struct tree *t, tree_node node, const char *name, double at[3])
+{
+    tree_vector(t, node, name, DIMENSION_POSITION, at);
+    for (int i = 0; i < 3; i++)
+        tree_require(t, node, fabs(at[i]) <= (double)BANK_MAX_POSITION_M, "%s: %g m is beyond the %g m of a bank", name,
+                     at[i], (double)BANK_MAX_POSITION_M);
+}
+
+/* A share above 0, at most 100 %. */
 static void share(struct tree *t, tree_node map, const char *name, double *value)
 {
     tree_node node = tree_need(t, map, name, "share");
@@ -48,8 +69,8 @@ static void selection(struct tree *t, tree_node map, const char *name, struct se
     case SELECT_BOX:
         if (!tree_map(t, node, "box", KEYS("from", "to")))
             return;
-        tree_vector(t, tree_need(t, node, "box", "from"), "from", DIMENSION_POSITION, where->a);
-        tree_vector(t, tree_need(t, node, "box", "to"), "to", DIMENSION_POSITION, where->b);
+        position(t, tree_need(t, node, "box", "from"), "from", where->a);
+        position(t, tree_need(t, node, "box", "to"), "to", where->b);
         for (int i = 0; i < 3; i++)
             tree_require(t, node, where->a[i] <= where->b[i], "box: from %g m is above to %g m along %c", where->a[i],
                          where->b[i], "xyz"[i]);
@@ -57,14 +78,14 @@ static void selection(struct tree *t, tree_node map, const char *name, struct se
     case SELECT_SPHERE:
         if (!tree_map(t, node, "sphere", KEYS("at", "radius")))
             return;
-        tree_vector(t, tree_need(t, node, "sphere", "at"), "at", DIMENSION_POSITION, where->a);
-        tree_quantity(t, tree_need(t, node, "sphere", "radius"), "radius", DIMENSION_LENGTH, &where->value);
-        tree_require(t, node, where->value > 0, "sphere: radius = %g m: it must be above 0", where->value);
+        position(t, tree_need(t, node, "sphere", "at"), "at", where->a);
+        bounded(t, tree_need(t, node, "sphere", "radius"), "radius", DIMENSION_LENGTH, MIN_LENGTH_m, MAX_LENGTH_m, " m",
+                &where->value);
         break;
     case SELECT_PLANE:
         if (!tree_map(t, node, "plane", KEYS("at", "normal")))
             return;
-        tree_vector(t, tree_need(t, node, "plane", "at"), "at", DIMENSION_POSITION, where->a);
+        position(t, tree_need(t, node, "plane", "at"), "at", where->a);
         tree_direction(t, tree_need(t, node, "plane", "normal"), "normal", where->b);
         break;
     case SELECT_LABEL:
@@ -73,7 +94,7 @@ static void selection(struct tree *t, tree_node map, const char *name, struct se
     case SELECT_PATCH:
         if (!tree_map(t, node, "patch", KEYS("near", "share")))
             return;
-        tree_vector(t, tree_need(t, node, "patch", "near"), "near", DIMENSION_POSITION, where->a);
+        position(t, tree_need(t, node, "patch", "near"), "near", where->a);
         share(t, node, "patch", &where->value);
         break;
     case SELECT_AXIS_END:
@@ -106,13 +127,11 @@ static void mesh(struct tree *t, tree_node map, struct scene *scene)
                   "mesh needs 'extent' or 'unit': files do not say their length unit");
     if (extent && unit)
         tree_fail(t, unit, STATUS_SCENE_VALUE, "keep one of them", "mesh has both 'extent' and 'unit'");
-    tree_quantity(t, extent, "extent", DIMENSION_LENGTH, &scene->extent_m);
-    tree_require(t, extent, scene->extent_m > 0, "extent = %g m: it must be above 0", scene->extent_m);
+    bounded(t, extent, "extent", DIMENSION_LENGTH, MIN_LENGTH_m, MAX_LENGTH_m, " m", &scene->extent_m);
     static const enum mesh_unit unit_of[] = {MESH_UNIT_M, MESH_UNIT_CM, MESH_UNIT_MM};
     int choice = tree_choice(t, unit, "unit", KEYS("m", "cm", "mm"));
     scene->unit = choice < 0 ? MESH_UNIT_NONE : unit_of[choice];
-    tree_quantity(t, size, "size", DIMENSION_LENGTH, &scene->surface_size_m);
-    tree_require(t, size, scene->surface_size_m > 0, "size = %g m: it must be above 0", scene->surface_size_m);
+    bounded(t, size, "size", DIMENSION_LENGTH, MIN_LENGTH_m, MAX_LENGTH_m, " m", &scene->surface_size_m);
     tree_choice(t, tree_find(t, map, "order"), "order", KEYS("linear"));
 }
 
@@ -129,12 +148,10 @@ static void materials(struct tree *t, tree_node list, struct scene *scene)
         tree_text(t, tree_find(t, map, "label"), "label", m->label, sizeof m->label);
         tree_node E = tree_need(t, map, "material", "E"), nu = tree_need(t, map, "material", "nu"),
                   rho = tree_need(t, map, "material", "rho");
-        tree_quantity(t, E, "E", DIMENSION_PRESSURE, &m->E_Pa);
-        tree_require(t, E, m->E_Pa > 0, "E = %g Pa: it must be above 0", m->E_Pa);
+        bounded(t, E, "E", DIMENSION_PRESSURE, 1e-3, 1e13, " Pa", &m->E_Pa);
         tree_quantity(t, nu, "nu", DIMENSION_NUMBER, &m->nu);
         tree_require(t, nu, m->nu > -1 && m->nu < 0.5, "nu = %.9g: it must be above -1 and below 0.5", m->nu);
-        tree_quantity(t, rho, "rho", DIMENSION_DENSITY, &m->rho_kg_m3);
-        tree_require(t, rho, m->rho_kg_m3 > 0, "rho = %g kg/m3: it must be above 0", m->rho_kg_m3);
+        bounded(t, rho, "rho", DIMENSION_DENSITY, 1e-3, 1e5, " kg/m3", &m->rho_kg_m3);
         for (size_t j = 0; j < i; j++)
             tree_require(t, map, strcmp(m->label, scene->material[j].label) != 0,
                          "label '%s' has a material already, in line %ld", m->label, scene->material[j].line);
@@ -177,9 +194,8 @@ static void ligaments(struct tree *t, tree_node list, struct scene *scene)
             return;
         struct scene_ligament *l = &scene->ligament[i];
         selection(t, map, "ligaments", &l->where);
-        tree_node stiffness = tree_need(t, map, "ligaments", "stiffness");
-        tree_quantity(t, stiffness, "stiffness", DIMENSION_STIFFNESS, &l->stiffness_N_m);
-        tree_require(t, stiffness, l->stiffness_N_m > 0, "stiffness = %g N/m: it must be above 0", l->stiffness_N_m);
+        bounded(t, tree_need(t, map, "ligaments", "stiffness"), "stiffness", DIMENSION_STIFFNESS, 1e-6, 1e12, " N/m",
+                &l->stiffness_N_m);
         tree_direction(t, tree_need(t, map, "ligaments", "direction"), "direction", l->direction);
     }
     scene->ligament_count = count;
@@ -201,10 +217,8 @@ static void tip(struct tree *t, tree_node map, struct scene_instrument *instrume
     if (!tree_map(t, map, "tip", KEYS("radius", "points")))
         return;
     tree_node radius = tree_find(t, map, "radius"), points = tree_find(t, map, "points");
-    tree_quantity(t, radius, "radius", DIMENSION_LENGTH, &instrument->tip_radius_m);
-    tree_require(t, radius, instrument->tip_radius_m > 0 && instrument->tip_radius_m <= SCENE_MAX_TIP_RADIUS_m,
-                 "radius = %g m: it must be above 0 and at most %g m", instrument->tip_radius_m,
-                 SCENE_MAX_TIP_RADIUS_m);
+    bounded(t, radius, "radius", DIMENSION_LENGTH, MIN_LENGTH_m, SCENE_MAX_TIP_RADIUS_m, " m",
+            &instrument->tip_radius_m);
     double count = instrument->tip_points;
     tree_quantity(t, points, "points", DIMENSION_NUMBER, &count);
     tree_require(t, points, count >= 1 && count <= BANK_MAX_TOOL_POINTS && count == floor(count),
@@ -219,12 +233,8 @@ static void coupling(struct tree *t, tree_node map, const struct device_model *d
     if (!map || !tree_map(t, map, "coupling", KEYS("stiffness", "damping")))
         return;
     tree_node stiffness = tree_find(t, map, "stiffness"), damping = tree_find(t, map, "damping");
-    tree_quantity(t, stiffness, "stiffness", DIMENSION_STIFFNESS, &instrument->coupling_stiffness_N_m);
-    tree_require(t, stiffness, instrument->coupling_stiffness_N_m > 0, "stiffness = %g N/m: it must be above 0",
-                 instrument->coupling_stiffness_N_m);
-    tree_quantity(t, damping, "damping", DIMENSION_DAMPING, &instrument->coupling_damping_Ns_m);
-    tree_require(t, damping, instrument->coupling_damping_Ns_m > 0, "damping = %g N s/m: it must be above 0",
-                 instrument->coupling_damping_Ns_m);
+    bounded(t, stiffness, "stiffness", DIMENSION_STIFFNESS, 1, 1e6, " N/m", &instrument->coupling_stiffness_N_m);
+    bounded(t, damping, "damping", DIMENSION_DAMPING, 1e-3, 1e3, " N s/m", &instrument->coupling_damping_Ns_m);
     struct scene_coupling used;
     scene_coupling(instrument, device, &used);
     tree_require(t, map, used.damping_Ns_m < used.device_damping_Ns_m,
@@ -264,7 +274,7 @@ static void instrument_of(struct tree *t, tree_node map, struct scene_instrument
         return;
     tree_node trocar = tree_find(t, map, "trocar");
     if (trocar && tree_map(t, trocar, "trocar", KEYS("at", "axis"))) {
-        tree_vector(t, tree_need(t, trocar, "trocar", "at"), "at", DIMENSION_POSITION, instrument->trocar_m);
+        position(t, tree_need(t, trocar, "trocar", "at"), "at", instrument->trocar_m);
         tree_direction(t, tree_need(t, trocar, "trocar", "axis"), "axis", instrument->axis);
         instrument->placed = true;
     }
@@ -272,10 +282,7 @@ static void instrument_of(struct tree *t, tree_node map, struct scene_instrument
     tip(t, tree_find(t, map, "tip"), instrument);
     coupling(t, tree_find(t, map, "coupling"), device, instrument);
     tree_node force = tree_find(t, map, "force_limit");
-    tree_quantity(t, force, "force_limit", DIMENSION_FORCE, &instrument->force_limit_N);
-    tree_require(t, force, instrument->force_limit_N > 0 && instrument->force_limit_N <= device->force_limit_N,
-                 "force_limit = %g N: it must be above 0 and at most %g N, the limit of %s", instrument->force_limit_N,
-                 device->force_limit_N, device->name);
+    bounded(t, force, "force_limit", DIMENSION_FORCE, 1e-3, device->force_limit_N, " N", &instrument->force_limit_N);
 }
 
 static void instruments(struct tree *t, tree_node list, struct scene *scene)
@@ -298,10 +305,8 @@ static void contact(struct tree *t, tree_node map, struct scene *scene)
     if (!map || !tree_map(t, map, "contact", KEYS("regularisation")))
         return;
     tree_node node = tree_find(t, map, "regularisation");
-    tree_quantity(t, node, "regularisation", DIMENSION_RATIO, &scene->regularisation);
-    tree_require(t, node, scene->regularisation >= SCENE_MIN_REGULARISATION && scene->regularisation <= 1,
-                 "regularisation = %g: it must be from %g to 1 (of the median compliance)", scene->regularisation,
-                 SCENE_MIN_REGULARISATION);
+    bounded(t, node, "regularisation", DIMENSION_RATIO, SCENE_MIN_REGULARISATION, 1, " of the median compliance",
+            &scene->regularisation);
 }
 
 /* This version has no effects: an empty mapping is the only one that can be met. */
@@ -309,10 +314,12 @@ static void effects(struct tree *t, tree_node map)
 {
     if (tree_empty(t, map))
         return;
+    tree_node key = map;
     if (map->type == YAML_MAPPING_NODE)
-        map = yaml_document_get_node(&t->document, map->data.mapping.pairs.start->key);
-    tree_fail(t, map, STATUS_SCENE_KEY, "write effects: {}", "effect '%.60s' is not known; this version offers: none",
-              map->type == YAML_SCALAR_NODE ? (const char *)map->data.scalar.value : "?");
+        key = yaml_document_get_node(&t->document, map->data.mapping.pairs.start->key);
+    bool word = key->type == YAML_SCALAR_NODE;
+    tree_fail(t, key, STATUS_SCENE_KEY, "write effects: {}", "effect%s%.60s%s is not known; this version offers: none",
+              word ? " '" : "", word ? (const char *)key->data.scalar.value : "", word ? "'" : "");
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)
@@ -326,9 +333,7 @@ static void budget(struct tree *t, tree_node map, struct scene *scene)
                  scene->budget_instructions >= 1 && scene->budget_instructions <= 1e12 &&
                      scene->budget_instructions == floor(scene->budget_instructions),
                  "instructions = %g: a whole number above 0 is needed", scene->budget_instructions);
-    tree_quantity(t, bank, "bank", DIMENSION_BYTES, &scene->budget_bank_bytes);
-    tree_require(t, bank, scene->budget_bank_bytes >= 1 && scene->budget_bank_bytes <= 4294967295.0,
-                 "bank = %g B: it must be from 1 B to 4 GiB", scene->budget_bank_bytes);
+    bounded(t, bank, "bank", DIMENSION_BYTES, 1, 4294967295.0, " B", &scene->budget_bank_bytes);
     tree_quantity(t, force_error, "force_error", DIMENSION_SHARE, &scene->budget_force_error);
     tree_require(t, force_error, scene->budget_force_error > 0 && scene->budget_force_error <= 1,
                  "force_error = %g %%: it must be above 0 and at most 100 %%", 100 * scene->budget_force_error);
