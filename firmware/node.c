@@ -43,6 +43,7 @@ void node_begin_tick(struct node *n)
 {
     n->queue_overflows += n->queue_count - n->queue_taken;
     n->queue_count = n->queue_taken = 0;
+    n->answered = false;
     struct wire_sync m = {.counter = (uint8_t)(n->controller.tick_count + 1u)};
     wire_sync_pack(enqueue(n, WIRE_SYNC_ID, WIRE_SYNC_LENGTH)->data, &m);
 }
@@ -63,6 +64,7 @@ static void receive_encoders(struct node *n, const struct can_frame_t *frame)
         if (ahead == 0 || ahead > 7)
             return;
     }
+    n->answered = true;
     n->input.fresh = true;
     n->input.sequence = m.sequence;
     n->input.counts[0] = m.alpha;

@@ -37,6 +37,7 @@ struct node {
     uint8_t node_id;           /* 1..126; 127 is the host */
     struct tick_input input;   /* gathered since the last tick */
     struct tick_output output; /* of the last tick */
+    bool answered; /* a sample arrived after this tick's SYNC; an older one in `input` serves only if none does */
     bool was_safe;
     uint32_t frames_received, frames_ignored, frames_malformed, queue_overflows; /* counters */
     uint32_t queue_count, queue_taken;

@@ -1,0 +1,33 @@
+/* The only boundary to hardware. A port is an implementation of these functions plus its start-up code; see
+ * ports/blank for the starting point of a new one. No function blocks but hal_wait_us.
+ *
+ * Joining with the parts that need them: local encoders and actuators, erasing and programming flash, the watchdog, and
+ * entering the boot loader. */
+#ifndef TROCAR_HAL_H
+#define TROCAR_HAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "can_frame.h"
+
+/* Microseconds since start; never goes back. */
+uint64_t hal_time_us(void);
+
+/* Idle until `time_us` or until a frame can be received, whichever is first. Returns hal_time_us(). */
+uint64_t hal_wait_us(uint64_t time_us);
+
+/* The oldest frame received, or false. */
+bool hal_can_receive(struct can_frame_t *frame);
+
+/* Hand a frame to the bus. False when no mailbox is free: the caller drops it and counts. */
+bool hal_can_transmit(const struct can_frame_t *frame);
+
+/* Where the bank lies: 16-byte aligned, readable as long as the controller runs. NULL when there is none. */
+const void *hal_bank(size_t *length);
+
+/* True while the controller should go on; a board never stops. */
+bool hal_running(void);
+
+#endif

@@ -1,0 +1,2 @@
+# The controller as a Linux process: same objects, bus and time in lockstep on standard input and output.
+$(eval $(call port,native,gcc,,-std=c11 -O2 -g -D_GNU_SOURCE $(WARN),))
