@@ -73,36 +73,80 @@ static bool lay_out(const struct body_box *body, double cell_m, struct bank_grid
     return cells <= BANK_MAX_GRID_CELLS;
 }
 
-/* Every (triangle, cell) that meet, in rising order of the triangle: counted into at[cell + 1] when `entry` is NULL,
- * else written at entry[at[cell]++]. */
+/* Bounds in cells, per axis, of the cells that a triangle's enlarged box reaches. */
+static void reach(const struct bank_grid *g, const double v[3][3], double enlarge, int first[3], int last[3])
+{
+    for (int k = 0; k < 3; k++) {
+        double low = (fmin(v[0][k], fmin(v[1][k], v[2][k])) - g->origin_m[k]) / g->cell_m;
+        double high = (fmax(v[0][k], fmax(v[1][k], v[2][k])) - g->origin_m[k]) / g->cell_m;
+        first[k] = (int)fmax(0, floor(low - enlarge));
+        last[k] = (int)fmin(g->cells[k] - 1, floor(high + enlarge));
+    }
+}
+
+static bool meets_cell(const struct bank_grid *g, const double v[3][3], int x, int y, int z, double enlarge)
+{
+    double cell = g->cell_m, centre[3] = {g->origin_m[0] + (x + 0.5) * cell, g->origin_m[1] + (y + 0.5) * cell,
+                                          g->origin_m[2] + (z + 0.5) * cell};
+    return meets(v, centre, (0.5 + enlarge) * cell);
+}
+
+static size_t cell_number(const struct bank_grid *g, int x, int y, int z)
+{
+    return x + g->cells[0] * (y + (size_t)g->cells[1] * z);
+}
+
+/* Every (triangle, cell) that meet, in rising order of the triangle: counted into at[cell + 1] when `entry` is NULL, else
+ * written at entry[at[cell]++]. */
 static void visit(const struct body_box *body, const struct bank_grid *g, uint32_t *at, uint16_t *entry)
 {
-    double cell = g->cell_m, half = (0.5 + margin) * cell;
     for (size_t t = 0; t < body->triangle_count; t++) {
         double v[3][3];
         int first[3], last[3];
-        for (int k = 0; k < 3; k++) {
-            for (int i = 0; i < 3; i++)
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < 3; k++)
                 v[i][k] = body->positions[3 * body->triangles[3 * t + i] + k];
-            double low = (fmin(v[0][k], fmin(v[1][k], v[2][k])) - g->origin_m[k]) / cell;
-            double high = (fmax(v[0][k], fmax(v[1][k], v[2][k])) - g->origin_m[k]) / cell;
-            first[k] = (int)fmax(0, floor(low - margin));
-            last[k] = (int)fmin(g->cells[k] - 1, floor(high + margin));
-        }
+        reach(g, v, margin, first, last);
         for (int z = first[2]; z <= last[2]; z++)
             for (int y = first[1]; y <= last[1]; y++)
                 for (int x = first[0]; x <= last[0]; x++) {
-                    double centre[3] = {g->origin_m[0] + (x + 0.5) * cell, g->origin_m[1] + (y + 0.5) * cell,
-                                        g->origin_m[2] + (z + 0.5) * cell};
-                    if (!meets(v, centre, half))
+                    if (!meets_cell(g, v, x, y, z, margin))
                         continue;
-                    size_t c = x + g->cells[0] * (y + (size_t)g->cells[1] * z);
+                    size_t c = cell_number(g, x, y, z);
                     if (entry)
                         entry[at[c]++] = (uint16_t)t;
                     else
                         at[c + 1]++;
                 }
     }
+}
+
+static bool listed(const struct bank_view *bank, size_t cell, uint32_t t)
+{
+    for (uint32_t e = bank->cell_start[cell]; e < bank->cell_start[cell + 1]; e++)
+        if (bank->cell_triangle[e] == t)
+            return true;
+    return false;
+}
+
+uint32_t grid_missing(const struct bank_view *bank)
+{
+    const struct bank_grid *g = bank->grid;
+    double enlarge = 1e-3 - 1e-6;
+    for (uint32_t t = 0; t < bank->triangle_count; t++) {
+        double v[3][3];
+        int first[3], last[3];
+        for (int i = 0; i < 3; i++)
+            for (int k = 0; k < 3; k++)
+                v[i][k] = (double)bank->positions[3 * bank->triangles[t].vertex[i] + k];
+        reach(g, v, enlarge, first, last);
+        for (int z = first[2]; z <= last[2]; z++)
+            for (int y = first[1]; y <= last[1]; y++)
+                for (int x = first[0]; x <= last[0]; x++)
+                    if (meets_cell(g, v, x, y, z, enlarge) && !listed(bank, cell_number(g, x, y, z), t))
+                        return t;
+    }
+    return UINT32_MAX;
 }
 
 struct census {

@@ -6,6 +6,7 @@
 #include <stdint.h>
 
 #include "bank_format.h"
+#include "bank_view.h"
 #include "failure.h"
 
 struct grid {
@@ -23,5 +24,9 @@ struct grid {
 int grid_build(size_t vertex_count, const float *positions, size_t triangle_count, const uint32_t *triangles,
                struct grid *grid, struct failure *why);
 void grid_free(struct grid *grid);
+
+/* First triangle of a bank that its grid does not list in a cell which the triangle meets by more than 1e-6 of a cell less
+ * than the format's margin; UINT32_MAX when there is none. */
+uint32_t grid_missing(const struct bank_view *bank);
 
 #endif
