@@ -24,15 +24,16 @@ void faults_start(struct faults *faults, const struct bus_faults *setting)
 struct fault faults_next(struct faults *faults, const struct can_frame_t *frame)
 {
     const struct bus_faults *p = &faults->setting;
+    const struct fault dropped = {.drop = true};
+    struct fault fault = {0};
     if (frame->id < p->id_from || frame->id > p->id_to)
-        return (struct fault){0};
-    struct fault fault;
+        return fault;
     fault.drop = happens(&faults->choice_state, p->drop);
     fault.duplicate = happens(&faults->choice_state, p->duplicate);
     fault.delay = happens(&faults->choice_state, p->delay);
     fault.corrupt = happens(&faults->choice_state, p->corrupt);
     fault.reorder = happens(&faults->choice_state, p->reorder) && !fault.delay;
-    return fault.drop ? (struct fault){.drop = true} : fault;
+    return fault.drop ? dropped : fault;
 }
 
 void faults_corrupt(struct faults *faults, struct can_frame_t *frame)
