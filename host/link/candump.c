@@ -44,7 +44,7 @@ static bool decimal(const char **at, uint64_t maximum, uint64_t *value)
     const char *start = *at;
     for (*value = 0; isdigit((unsigned char)**at); (*at)++) {
         const uint64_t digit = (uint64_t)(**at - '0');
-        if (*value > (maximum - digit) / 10)
+        if (digit > maximum || *value > (maximum - digit) / 10)
             return false;
         *value = *value * 10 + digit;
     }
