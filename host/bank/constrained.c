@@ -59,6 +59,35 @@ static int constraint_compliance(struct model *model, size_t m, const struct con
     return status;
 }
 
+/* A constraint of which less than this part is independent of the earlier ones is rounding error, not a constraint. */
+static const double INDEPENDENT_MIN = 1e-12;
+
+/* p from (C + epsilon I) p = d; C is overwritten by its factor. */
+static int multipliers(const struct model *model, size_t m, double *C, double epsilon, const double *d, double *p,
+                       struct failure *why)
+{
+    double *diagonal = malloc(m * sizeof *diagonal);
+    if (!diagonal)
+        return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu constraints", m);
+    for (size_t r = 0; r < m; r++)
+        diagonal[r] = C[r * m + r] += epsilon;
+    memcpy(p, d, m * sizeof *p);
+    lapack_int info = LAPACKE_dposv(LAPACK_COL_MAJOR, 'L', (lapack_int)m, 1, C, (lapack_int)m, p, (lapack_int)m);
+    size_t dependent = info > 0 ? (size_t)info - 1 : 0;
+    bool good = info == 0;
+    for (size_t r = 0; r < m && good; r++)
+        if (!(C[r * m + r] * C[r * m + r] > INDEPENDENT_MIN * diagonal[r])) {
+            dependent = r;
+            good = false;
+        }
+    free(diagonal);
+    if (good)
+        return STATUS_OK;
+    return failure_set(why, STATUS_MODEL_FACTOR, model->place,
+                       "move the contacts apart and off the fixed nodes, or give epsilon > 0",
+                       "constraint %zu depends on the earlier ones or lies on fixed nodes", dependent);
+}
+
 int model_constrained(struct model *model, size_t m, const uint32_t *vertex, const double *weight,
                       const double *direction, double epsilon, const double *d, double *p, double *compliance,
                       struct failure *why)
@@ -74,16 +103,8 @@ int model_constrained(struct model *model, size_t m, const uint32_t *vertex, con
         status = constraint_compliance(model, m, row, C, why);
     if (status == STATUS_OK && compliance)
         memcpy(compliance, C, m * m * sizeof *C);
-    if (status == STATUS_OK && d && p && m > 0) {
-        for (size_t r = 0; r < m; r++)
-            C[r * m + r] += epsilon;
-        memcpy(p, d, m * sizeof *p);
-        lapack_int info = LAPACKE_dposv(LAPACK_COL_MAJOR, 'L', (lapack_int)m, 1, C, (lapack_int)m, p, (lapack_int)m);
-        if (info != 0)
-            status = failure_set(why, STATUS_MODEL_FACTOR, model->place,
-                                 "move the contacts apart and off the fixed nodes, or give epsilon > 0",
-                                 "constraint %d depends on the others or lies on fixed nodes", (int)info - 1);
-    }
+    if (status == STATUS_OK && d && p && m > 0)
+        status = multipliers(model, m, C, epsilon, d, p, why);
     free(row);
     free(C);
     return status;

@@ -48,7 +48,14 @@ static void say_direction(struct sentence *out, const double d[3])
             say(out, "%c", 'x' + a);
             return;
         }
-    say(out, "(%.3g, %.3g, %.3g)", d[0], d[1], d[2]);
+    double c[3], sign = 1;
+    for (int a = 2; a >= 0; a--) {
+        c[a] = fabs(d[a]) < 1e-9 ? 0 : d[a];
+        sign = c[a] != 0 ? copysign(1, c[a]) : sign; /* of the first component that is not zero */
+    }
+    for (int a = 0; a < 3; a++)
+        c[a] = c[a] != 0 ? sign * c[a] : 0;
+    say(out, "(%.3g, %.3g, %.3g)", c[0], c[1], c[2]);
 }
 
 static double dot(const double a[3], const double b[3])
