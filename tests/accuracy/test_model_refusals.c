@@ -146,9 +146,12 @@ static void labels_and_selections_that_do_not_fit_are_refused(void **state)
     const char *end = NULL;
     struct specimen s;
     cube(&s); /* a label without material */
-    snprintf(s.scene.material[0].label, sizeof s.scene.material[0].label, "7");
+    s.mesh.label_count = 2;
+    s.mesh.label[1].number = 8;
+    s.mesh.labels[5] = 8;
+    snprintf(s.scene.material[0].label, sizeof s.scene.material[0].label, "0");
     specimen_fix(&s, box(0, 0, 0, 0, 1, 1), "xyz");
-    refused(&s, STATUS_MODEL_LABEL, end);
+    refused(&s, STATUS_MODEL_LABEL, "8", end);
     cube(&s);
     specimen_fix(&s, box(3, 3, 3, 4, 4, 4), "xyz");
     refused(&s, STATUS_SCENE_SELECTION, end);
