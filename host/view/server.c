@@ -14,7 +14,11 @@
 
 #define SUBPROTOCOL "trocar-view-1"
 #define LISTENER    "trocar-listen"
-enum { CHUNK_BYTES = 16384 }; /* of a page file per turn, so that one download does not hold up the frames */
+enum {
+    CHUNK_BYTES = 16384, /* of a page file per turn, so that one download does not hold up the frames */
+    KERNEL_BYTES =
+        65536, /* that the kernel queues per client: a slow one sees frames that are this much late, not more */
+};
 
 _Static_assert((int)MESSAGE_HEADROOM >= (int)LWS_PRE, "room for libwebsockets' frame header before a message");
 
@@ -277,7 +281,7 @@ static int open_listener(uint16_t *port, int *listener, struct failure *why)
     struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons(*port)};
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     socklen_t length = sizeof address;
-    const int yes = 1;
+    const int yes = 1, queue = KERNEL_BYTES;
     char place[32];
     snprintf(place, sizeof place, "127.0.0.1:%u", *port);
 
@@ -285,6 +289,7 @@ static int open_listener(uint16_t *port, int *listener, struct failure *why)
     if (fd < 0)
         return failure_set(why, STATUS_VIEW_PORT, place, "", "no socket: %s", strerror(errno));
     if (setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) < 0 ||
+        setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &queue, sizeof queue) < 0 || /* the accepted sockets inherit it */
         bind(fd, (struct sockaddr *)&address, sizeof address) < 0 || listen(fd, 16) < 0 ||
         getsockname(fd, (struct sockaddr *)&address, &length) < 0) {
         int cause = errno;

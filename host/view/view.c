@@ -6,7 +6,6 @@
 
 #include "command.h"
 #include "message.h"
-#include "progress.h"
 #include "server.h"
 
 struct view {
@@ -20,7 +19,6 @@ struct view {
     bool encoded;       /* `frame` is of `state.number` */
     bool trace_taken;   /* the trace's points are in an encoded frame */
     double due_s;       /* time of the run at which the next frame is due */
-    double made_at_s;   /* wall time of the last frame */
     uint64_t traced_us; /* pose that the trace ends with */
 
     uint64_t malformed, owner; /* `owner`: client that holds the hand, 0 none */
@@ -206,10 +204,6 @@ void view_update(struct view *view, const struct link *link, double time_s, cons
     trace_force(view, link);
     if (time_s + 1e-9 < view->due_s)
         return;
-    double wall_s = seconds_now();
-    if (view->state.number && wall_s - view->made_at_s < 1.0 / (2 * VIEW_RATE_HZ))
-        return;
-    view->made_at_s = wall_s;
     view->due_s = fmax(view->due_s, time_s - 1.0 / VIEW_RATE_HZ) + 1.0 / VIEW_RATE_HZ;
 
     view->link = *link;

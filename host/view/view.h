@@ -28,9 +28,9 @@ struct view_input {  /* what the page asks for since the last poll */
 /* Listen on 127.0.0.1:port (0: any free port). The bank must outlive the view. */
 int view_create(const struct bank_file *bank, uint16_t port, struct view **view, struct failure *why);
 uint16_t view_port(const struct view *view);
-/* Hand the newest state to the page, once per tick; queues a frame when 1/30 s of the run went by (and at most 60 per
- * second of wall time, when the run is faster than that). The field is computed only while somebody looks. The target of
- * the hand is in the trocar's frame. Never blocks. */
+/* Hand the newest state to the page, once per tick; a frame is queued when 1/30 s of the run went by. The field is computed
+ * when a page takes the frame, so only while somebody looks. The target of the hand is in the trocar's frame. Never
+ * blocks. */
 void view_update(struct view *view, const struct link *link, double time_s, const double hand_target_m[3]);
 /* Serve sockets for at most `wait_ms`. */
 void view_serve(struct view *view, int wait_ms);
