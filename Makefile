@@ -81,9 +81,6 @@ $(B)/obj/%.o: %.S | packages
 	$(call say,AS,$<)
 	$(Q)$(CC) -MMD -MP -c $< -o $@
 
-# .incbin leaves no trace that -MMD could follow
-$(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
-
 # The assembler includes the page as it is; it writes no dependencies.
 $(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
 

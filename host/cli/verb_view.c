@@ -1,0 +1,112 @@
+/* trocar view: the organ live on a local page, until Ctrl-C. */
+#include <getopt.h>
+#include <stdio.h>
+
+#include "cli.h"
+#include "open_bank.h"
+#include "serve_session.h"
+
+struct request {
+    const char *file;
+    int port; /* -1: not given */
+    struct session_options session;
+};
+
+enum { OPTION_HELP = 256, OPTION_PORT, OPTION_DEVICE };
+
+static const struct option long_options[] = {{"help", no_argument, NULL, OPTION_HELP},
+                                             {"gesture", required_argument, NULL, 'g'},
+                                             {"ticks", required_argument, NULL, 'n'},
+                                             {"port", required_argument, NULL, OPTION_PORT},
+                                             {"device", required_argument, NULL, OPTION_DEVICE},
+                                             {NULL, 0, NULL, 0}};
+
+static void help(void)
+{
+    printf("usage: trocar view SCENE.yaml|BANK [options]\n\n"
+           "Runs the simulated instrument and hand, the controller and the host in real time, and serves a page on\n"
+           "127.0.0.1 that shows the organ, the instrument and the force; keys and mouse of the page move the hand.\n"
+           "A scene's bank is built first. The address is printed on stdout. Ctrl-C ends it.\n\n"
+           "  -g, --gesture G    what the hand does, over and over: %s, or a file (default press)\n"
+           "  -n, --ticks N      end after N ticks of 1 ms (default: never)\n"
+           "      --port P       of the page; 0 takes any free one (default %d, or any free one)\n"
+           "      --device NAME  the instrument (default impulse-engine; known: %s)\n",
+           gesture_names(), (int)VIEW_DEFAULT_PORT, device_model_names());
+}
+
+static int parse(struct request *request, int argc, char **argv, bool *done, struct failure *why)
+{
+    uint64_t n = 0;
+    int status = STATUS_OK;
+    *request = (struct request){.port = -1, .session = {.realtime = true, .endless = true}};
+    opterr = 0;
+    optind = 1;
+    for (int o; !status && (o = getopt_long(argc, argv, ":g:n:", long_options, NULL)) != -1;)
+        switch (o) {
+        case OPTION_HELP:
+            help();
+            *done = true;
+            return STATUS_OK;
+        case 'g':
+            request->session.gesture = optarg;
+            break;
+        case 'n':
+            status = cli_whole("--ticks", optarg, 1, 1000000000, &request->session.ticks, why);
+            request->session.endless = false;
+            break;
+        case OPTION_PORT:
+            status = cli_whole("--port", optarg, 0, 65535, &n, why);
+            request->port = (int)n;
+            break;
+        case OPTION_DEVICE:
+            request->session.device = optarg;
+            break;
+        default:
+            status = cli_bad_option("view", o, argv, why);
+        }
+    if (status)
+        return status;
+    if (optind != argc - 1)
+        return failure_set(why, STATUS_USAGE, NULL, "see trocar view --help", "%s",
+                           optind >= argc ? "no scene or bank is given" : "view takes one scene or bank");
+    request->file = argv[optind];
+    return STATUS_OK;
+}
+
+/* Ctrl-C is how a view ends: no failure. */
+static int serve(const struct bank_file *bank, const struct request *request, struct failure *why)
+{
+    struct session *session = NULL;
+    struct view *view = NULL;
+    int status = session_create(bank, NULL, &request->session, &session, why);
+    if (!status)
+        status = serve_open(bank, request->port, &view, why);
+    if (!status) {
+        struct gesture gesture = *session_hand(session)->gesture;
+        gesture.repeat = HAND_MAX_REPEAT;
+        session_hand(session)->gesture = &gesture;
+        printf("http://127.0.0.1:%u/\n", (unsigned)view_port(view));
+        fflush(stdout);
+        while (session_tick(session) && serve_session(session, view))
+            ;
+    }
+    view_free(view);
+    session_free(session);
+    return status;
+}
+
+int verb_view(int argc, char **argv, struct failure *why)
+{
+    struct request request;
+    static struct bank_file bank; /* large: paths */
+    bool done = false;
+    int status = parse(&request, argc, argv, &done, why);
+    if (status || done)
+        return status;
+    status = open_bank(request.file, NULL, &bank, why);
+    if (status)
+        return status;
+    status = serve(&bank, &request, why);
+    bank_unload(&bank);
+    return status;
+}
