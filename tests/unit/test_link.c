@@ -231,6 +231,46 @@ static void frames_that_contradict_each_other_throw_the_set_away(void **state)
     assert_int_equal(link.late, 3);
 }
 
+static void frames_that_disagree_about_the_count_throw_the_set_away(void **state)
+{
+    (void)state;
+    struct link link;
+    link_start(&link, 1);
+    struct can_frame_t frame = {.id = WIRE_CONTACT_ID + 1, .length = WIRE_CONTACT_LENGTH};
+    const struct wire_contact parts[] = {{.part = 0, .slot = 0, .count = 3},
+                                         {.part = 1, .slot = 0},
+                                         {.part = 0, .slot = 1, .count = 2},
+                                         {.part = 1, .slot = 1}};
+    for (size_t i = 0; i < 4; i++) {
+        wire_contact_pack(frame.data, &parts[i]);
+        link_receive(&link, &frame, 1000 + i);
+    }
+    assert_int_equal(link.contact_sets, 0);
+    assert_int_equal(link.malformed, 1);
+}
+
+static void a_late_frame_does_not_end_the_set_under_way(void **state)
+{
+    (void)state;
+    struct link link;
+    link_start(&link, 1);
+    uint32_t number = 16; /* some way from the turn of the set number, and across it */
+    while (count_of(number) != 2)
+        number++;
+    for (uint32_t behind = 1; behind <= 15; behind++) {
+        link_start(&link, 1);
+        for (unsigned i = 0; i < 4; i++) {
+            const struct can_frame_t frame = contact_frame(number, i / 2, i % 2);
+            const struct can_frame_t late = contact_frame(number - behind, 0, i % 2);
+            link_receive(&link, &frame, 1000 + i);
+            link_receive(&link, &late, 1000 + i);
+        }
+        assert_int_equal(link.contact_sets, 1);
+        assert_int_equal(link.late, 4);
+        assert_is_a_set_that_was_sent(&link, number);
+    }
+}
+
 static void count_zero_says_that_contact_was_lost(void **state)
 {
     (void)state;
@@ -441,6 +481,8 @@ int main(void)
         cmocka_unit_test(a_bad_channel_never_mixes_two_sets),
         cmocka_unit_test(an_incomplete_set_is_not_finished_by_one_of_the_same_number),
         cmocka_unit_test(frames_that_contradict_each_other_throw_the_set_away),
+        cmocka_unit_test(frames_that_disagree_about_the_count_throw_the_set_away),
+        cmocka_unit_test(a_late_frame_does_not_end_the_set_under_way),
         cmocka_unit_test(count_zero_says_that_contact_was_lost),
         cmocka_unit_test(impossible_contacts_are_counted_and_ignored),
         cmocka_unit_test(tip_and_force_come_in_pairs),
