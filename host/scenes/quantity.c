@@ -7,47 +7,48 @@
 #include <string.h>
 #include <strings.h>
 
-/* value = number * times / over: a power of ten below 1 divides, because dividing two exact numbers rounds once, so
- * that "214 mm" is the same double as "0.214 m". */
+/* value = number * 10^power * times. The power joins the number's exponent before it is converted, so that it is rounded
+ * once: "214 mm" is the same double as "0.214 m", and every double has a text in every unit with times = 1. */
 struct unit {
     const char *name;
     enum dimension dimension;
-    double times, over;
+    int power;
+    double times;
     bool other_spelling; /* read, but neither listed nor printed */
 };
 
 static const double DEGREE_rad = 0.017453292519943295;
 
 static const struct unit units[] = {
-    {"%", DIMENSION_SHARE, 1, 100, false},
-    {"m", DIMENSION_LENGTH, 1, 1, false},
-    {"cm", DIMENSION_LENGTH, 1, 100, false},
-    {"mm", DIMENSION_LENGTH, 1, 1000, false},
-    {"Pa", DIMENSION_PRESSURE, 1, 1, false},
-    {"kPa", DIMENSION_PRESSURE, 1e3, 1, false},
-    {"MPa", DIMENSION_PRESSURE, 1e6, 1, false},
-    {"GPa", DIMENSION_PRESSURE, 1e9, 1, false},
-    {"kg/m3", DIMENSION_DENSITY, 1, 1, false},
-    {"kg/m^3", DIMENSION_DENSITY, 1, 1, true},
-    {"kg/m\xC2\xB3", DIMENSION_DENSITY, 1, 1, true},
-    {"g/cm3", DIMENSION_DENSITY, 1e3, 1, false},
-    {"g/cm^3", DIMENSION_DENSITY, 1e3, 1, true},
-    {"g/cm\xC2\xB3", DIMENSION_DENSITY, 1e3, 1, true},
-    {"N/m", DIMENSION_STIFFNESS, 1, 1, false},
-    {"N/mm", DIMENSION_STIFFNESS, 1e3, 1, false},
-    {"kN/m", DIMENSION_STIFFNESS, 1e3, 1, false},
-    {"N s/m", DIMENSION_DAMPING, 1, 1, false},
-    {"Ns/m", DIMENSION_DAMPING, 1, 1, true},
-    {"N*s/m", DIMENSION_DAMPING, 1, 1, true},
-    {"N", DIMENSION_FORCE, 1, 1, false},
-    {"mN", DIMENSION_FORCE, 1, 1000, false},
-    {"s", DIMENSION_TIME, 1, 1, false},
-    {"ms", DIMENSION_TIME, 1, 1000, false},
-    {"B", DIMENSION_BYTES, 1, 1, false},
-    {"KiB", DIMENSION_BYTES, 1024, 1, false},
-    {"MiB", DIMENSION_BYTES, 1048576, 1, false},
-    {"rad", DIMENSION_ANGLE, 1, 1, false},
-    {"deg", DIMENSION_ANGLE, DEGREE_rad, 1, false},
+    {"%", DIMENSION_SHARE, -2, 1, false},
+    {"m", DIMENSION_LENGTH, 0, 1, false},
+    {"cm", DIMENSION_LENGTH, -2, 1, false},
+    {"mm", DIMENSION_LENGTH, -3, 1, false},
+    {"Pa", DIMENSION_PRESSURE, 0, 1, false},
+    {"kPa", DIMENSION_PRESSURE, 3, 1, false},
+    {"MPa", DIMENSION_PRESSURE, 6, 1, false},
+    {"GPa", DIMENSION_PRESSURE, 9, 1, false},
+    {"kg/m3", DIMENSION_DENSITY, 0, 1, false},
+    {"kg/m^3", DIMENSION_DENSITY, 0, 1, true},
+    {"kg/m\xC2\xB3", DIMENSION_DENSITY, 0, 1, true},
+    {"g/cm3", DIMENSION_DENSITY, 3, 1, false},
+    {"g/cm^3", DIMENSION_DENSITY, 3, 1, true},
+    {"g/cm\xC2\xB3", DIMENSION_DENSITY, 3, 1, true},
+    {"N/m", DIMENSION_STIFFNESS, 0, 1, false},
+    {"N/mm", DIMENSION_STIFFNESS, 3, 1, false},
+    {"kN/m", DIMENSION_STIFFNESS, 3, 1, false},
+    {"N s/m", DIMENSION_DAMPING, 0, 1, false},
+    {"Ns/m", DIMENSION_DAMPING, 0, 1, true},
+    {"N*s/m", DIMENSION_DAMPING, 0, 1, true},
+    {"N", DIMENSION_FORCE, 0, 1, false},
+    {"mN", DIMENSION_FORCE, -3, 1, false},
+    {"s", DIMENSION_TIME, 0, 1, false},
+    {"ms", DIMENSION_TIME, -3, 1, false},
+    {"B", DIMENSION_BYTES, 0, 1, false},
+    {"KiB", DIMENSION_BYTES, 0, 1024, false},
+    {"MiB", DIMENSION_BYTES, 0, 1048576, false},
+    {"rad", DIMENSION_ANGLE, 0, 1, false},
+    {"deg", DIMENSION_ANGLE, 0, DEGREE_rad, false},
 };
 enum { UNIT_COUNT = sizeof units / sizeof units[0] };
 
@@ -86,8 +87,14 @@ static bool digit(char c)
     return c >= '0' && c <= '9';
 }
 
+/* A number as it is written: mantissa * 10^exponent. */
+struct decimal {
+    char mantissa[QUANTITY_TEXT];
+    int exponent;
+};
+
 /* Behind the number at p, or NULL. "0.10..0.23": a point before a point is not a decimal point. */
-static const char *scan_number(const char *p, double *value)
+static const char *scan_number(const char *p, struct decimal *number)
 {
     const char *start = p;
     size_t digits = 0;
@@ -98,19 +105,30 @@ static const char *scan_number(const char *p, double *value)
     if (*p == '.' && p[1] != '.')
         for (p++; digit(*p); p++)
             digits++;
-    if (!digits)
-        return NULL;
-    if ((*p == 'e' || *p == 'E') && (digit(p[1]) || ((p[1] == '+' || p[1] == '-') && digit(p[2]))))
-        for (p += 2; digit(*p); p++)
-            ;
-    char number[QUANTITY_TEXT];
     size_t length = (size_t)(p - start);
-    if (length >= sizeof number)
+    if (!digits || length >= sizeof number->mantissa)
         return NULL;
-    memcpy(number, start, length);
-    number[length] = 0;
-    *value = strtod(number, NULL);
-    return isfinite(*value) ? p : NULL;
+    memcpy(number->mantissa, start, length);
+    number->mantissa[length] = 0;
+    number->exponent = 0;
+    if ((*p == 'e' || *p == 'E') && (digit(p[1]) || ((p[1] == '+' || p[1] == '-') && digit(p[2])))) {
+        bool negative = *++p == '-';
+        if (!digit(*p))
+            p++;
+        for (; digit(*p); p++)
+            if (number->exponent < 9999) /* more is 0 or infinite anyway */
+                number->exponent = 10 * number->exponent + (*p - '0');
+        if (negative)
+            number->exponent = -number->exponent;
+    }
+    return p;
+}
+
+static double number_value(const struct decimal *number, int power)
+{
+    char text[QUANTITY_TEXT + 16];
+    snprintf(text, sizeof text, "%se%d", number->mantissa, number->exponent + power);
+    return strtod(text, NULL);
 }
 
 static void expected(enum dimension dimension, char *text, size_t size)
@@ -136,20 +154,18 @@ static const struct unit *find_unit(const char *text, size_t length, bool ignore
 }
 
 /* Apply the unit of `length` characters at `text` (0: none). */
-static int apply_unit(double number, const char *text, size_t length, enum dimension dimension, double *value,
-                      char *message, size_t message_size)
+static int apply_unit(const struct decimal *number, const char *text, size_t length, enum dimension dimension,
+                      double *value, char *message, size_t message_size)
 {
     char wanted[120];
     expected(dimension, wanted, sizeof wanted);
-    if (length == 0) {
-        *value = number;
-        if (unit_optional(dimension))
-            return STATUS_OK;
-        snprintf(message, message_size, "%g has no unit; %s", number, wanted);
+    static const struct unit none = {.times = 1};
+    if (length == 0 && !unit_optional(dimension)) {
+        snprintf(message, message_size, "%g has no unit; %s", number_value(number, 0), wanted);
         return STATUS_SCENE_UNIT;
     }
     int shown = length > 24 ? 24 : (int)length;
-    const struct unit *unit = find_unit(text, length, false);
+    const struct unit *unit = length ? find_unit(text, length, false) : &none;
     if (!unit) {
         const struct unit *near = find_unit(text, length, true);
         if (near)
@@ -159,12 +175,12 @@ static int apply_unit(double number, const char *text, size_t length, enum dimen
             snprintf(message, message_size, "the unit '%.*s' is not known; %s", shown, text, wanted);
         return STATUS_SCENE_UNIT;
     }
-    if (unit->dimension != carried(dimension)) {
+    if (length && unit->dimension != carried(dimension)) {
         snprintf(message, message_size, "'%.*s' is the unit of %s; %s", shown, text, dimension_name[unit->dimension],
                  wanted);
         return STATUS_SCENE_UNIT;
     }
-    *value = number * unit->times / unit->over;
+    *value = number_value(number, unit->power) * unit->times;
     if (isfinite(*value))
         return STATUS_OK;
     snprintf(message, message_size, "the number is too large");
@@ -188,18 +204,18 @@ static int not_a_number(const char *text, enum dimension dimension, char *messag
 
 int quantity_parse(const char *text, enum dimension dimension, double *value, char *message, size_t message_size)
 {
-    double number;
+    struct decimal number;
     const char *rest = scan_number(skip_spaces(text), &number);
     if (!rest)
         return not_a_number(text, dimension, message, message_size);
     rest = skip_spaces(rest);
-    return apply_unit(number, rest, trimmed(rest, strlen(rest)), dimension, value, message, message_size);
+    return apply_unit(&number, rest, trimmed(rest, strlen(rest)), dimension, value, message, message_size);
 }
 
 int quantity_parse_range(const char *text, enum dimension dimension, double range[2], char *message,
                          size_t message_size)
 {
-    double first, second;
+    struct decimal first, second;
     const char *rest = scan_number(skip_spaces(text), &first);
     if (!rest)
         return not_a_number(text, dimension, message, message_size);
@@ -214,25 +230,42 @@ int quantity_parse_range(const char *text, enum dimension dimension, double rang
         return not_a_number(text, dimension, message, message_size);
     const char *unit = skip_spaces(rest);
     size_t length = trimmed(unit, strlen(unit));
-    int status = apply_unit(second, unit, length, dimension, &range[1], message, message_size);
+    int status = apply_unit(&second, unit, length, dimension, &range[1], message, message_size);
     if (status)
         return status;
     if (first_length)
-        return apply_unit(first, first_unit, first_length, dimension, &range[0], message, message_size);
-    return apply_unit(first, unit, length, dimension, &range[0], message, message_size);
+        return apply_unit(&first, first_unit, first_length, dimension, &range[0], message, message_size);
+    return apply_unit(&first, unit, length, dimension, &range[0], message, message_size);
 }
 
-/* The fewest digits that read back to the same double (17 always do), without an exponent where that stays readable. */
-static void shortest(double value, char text[QUANTITY_TEXT])
+/* value / 10^power with the fewest digits that read back to the same double (17 always do), without an exponent where that
+ * stays readable. */
+static void print_number(double value, int power, char *text, size_t size)
 {
-    int digits = 0;
+    char scientific[32], digits[19] = ""; /* at most 17 digits */
+    static const char zeros[] = "000000000000000";
+    int count = 0, kept = 0;
     do
-        snprintf(text, QUANTITY_TEXT, "%.*g", ++digits, value);
-    while (digits < 17 && strtod(text, NULL) != value);
-    if (!strchr(text, 'e') || fabs(value) < 1e-6 || fabs(value) >= 1e15)
-        return;
-    int decimals = digits - 1 - (int)floor(log10(fabs(value)));
-    snprintf(text, QUANTITY_TEXT, "%.*f", decimals > 0 ? decimals : 0, value);
+        snprintf(scientific, sizeof scientific, "%.*e", count++, fabs(value));
+    while (count < 17 && strtod(scientific, NULL) != fabs(value));
+    for (const char *p = scientific; *p && *p != 'e'; p++)
+        if (digit(*p) && kept < 18)
+            digits[kept++] = *p;
+    while (kept > 1 && digits[kept - 1] == '0')
+        kept--;
+    digits[kept] = 0;
+    int point = atoi(strchr(scientific, 'e') + 1) - power; /* the value is D.DDD * 10^point */
+    const char *sign = value < 0 ? "-" : "";
+    if (value == 0)
+        snprintf(text, size, "0");
+    else if (point < -6 || point >= 15)
+        snprintf(text, size, "%s%c%s%se%d", sign, digits[0], kept > 1 ? "." : "", digits + 1, point);
+    else if (point < 0)
+        snprintf(text, size, "%s0.%.*s%s", sign, -point - 1, zeros, digits);
+    else if (kept <= point + 1)
+        snprintf(text, size, "%s%s%.*s", sign, digits, point + 1 - kept, zeros);
+    else
+        snprintf(text, size, "%s%.*s.%s", sign, point + 1, digits, digits + point + 1);
 }
 
 void quantity_print(double value, enum dimension dimension, char text[QUANTITY_TEXT])
@@ -240,15 +273,15 @@ void quantity_print(double value, enum dimension dimension, char text[QUANTITY_T
     char candidate[QUANTITY_TEXT], number[QUANTITY_TEXT], message[200];
     text[0] = 0;
     if (unit_optional(dimension))
-        shortest(value, text);
+        print_number(value, 0, text, QUANTITY_TEXT);
     if (dimension == DIMENSION_POSITION)
         return; /* all coordinates in one unit read better than the shortest of each */
     for (int i = 0; i < UNIT_COUNT; i++) {
         if (units[i].dimension != carried(dimension) || units[i].other_spelling)
             continue;
-        shortest(value * units[i].over / units[i].times, number);
+        print_number(value / units[i].times, units[i].power, number, sizeof number);
         snprintf(candidate, sizeof candidate, "%.40s %s", number, units[i].name);
-        double back;
+        double back; /* may differ where `times` rounds: then another unit is taken */
         if (quantity_parse(candidate, dimension, &back, message, sizeof message) == STATUS_OK && back == value &&
             (!text[0] || strlen(candidate) < strlen(text)))
             memcpy(text, candidate, sizeof candidate);
