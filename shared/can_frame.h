@@ -7,9 +7,9 @@
 enum { CAN_FLAG_FD = 1, CAN_FLAG_RTR = 2, CAN_FLAG_ERROR = 4, CAN_FLAG_EXTENDED = 8 };
 
 struct can_frame_t {
-    uint32_t id;      /* 11 bits; 29 with CAN_FLAG_EXTENDED */
-    uint8_t length;   /* bytes of data, 0..8 classic, 0..64 FD */
-    uint8_t flags;    /* CAN_FLAG_* */
+    uint32_t id;    /* 11 bits; 29 with CAN_FLAG_EXTENDED */
+    uint8_t length; /* bytes of data, 0..8 classic, 0..64 FD */
+    uint8_t flags;  /* CAN_FLAG_* */
     uint8_t data[64];
 };
 

@@ -41,7 +41,7 @@ void faults_corrupt(struct faults *faults, struct can_frame_t *frame)
     const unsigned id_bits = frame->flags & CAN_FLAG_EXTENDED ? 29 : 11;
     const unsigned bits = id_bits + (frame->flags & CAN_FLAG_RTR ? 0 : 8u * frame->length);
     const unsigned flips = 1 + (unsigned)(draw(&faults->bit_state) % 3);
-    unsigned done[3];
+    unsigned done[3] = {0};
     for (unsigned n = 0; n < flips;) {
         const unsigned bit = (unsigned)(draw(&faults->bit_state) % bits);
         bool again = false;
