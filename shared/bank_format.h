@@ -31,7 +31,8 @@ enum {
     BANK_MAX_COUNTS = 16384 /* modulus of an encoder: 14 bits on the bus */
 };
 
-#define BANK_MAX_ANGLE_RAD 0.7f  /* of alpha and beta: 5 % of the range beyond it, sin^2 a + sin^2 b is still below 1  \
+#define BANK_MAX_ANGLE_RAD                                                                                             \
+    0.7f                         /* of alpha and beta: 5 % of the range beyond it, sin^2 a + sin^2 b is still below 1  \
                                   */
 #define BANK_MAX_POSITION_M 1e3f /* of any coordinate */
 
