@@ -188,14 +188,22 @@ static inline struct bank_section *bank_fixture_section(unsigned char *bytes, ui
     return NULL;
 }
 
+/* Aligned memory of exactly `length` bytes, so that a sanitizer sees a read of the next. */
+static inline unsigned char *bank_fixture_memory(size_t length)
+{
+    void *bytes = NULL;
+    if (posix_memalign(&bytes, 64, length ? length : 1) != 0)
+        abort();
+    return memset(bytes, 0, length);
+}
+
 /* Sections one after the other, sealed. */
 static inline unsigned char *bank_fixture_join(const struct fixture_part *part, unsigned count, size_t *length)
 {
     size_t total = sizeof(struct bank_header) + count * sizeof(struct bank_section), at = total;
     for (unsigned k = 0; k < count; k++)
         total += (part[k].length + 15) / 16 * 16;
-    unsigned char *bytes = aligned_alloc(64, (total + 63) / 64 * 64);
-    memset(bytes, 0, (total + 63) / 64 * 64);
+    unsigned char *bytes = bank_fixture_memory(total);
     struct bank_header *h = (struct bank_header *)bytes;
     *h = (struct bank_header){.magic = BANK_MAGIC,
                               .format_version = BANK_FORMAT_VERSION,

@@ -36,7 +36,7 @@ static int teardown(void **state)
 /* In memory of exactly this length, so that the sanitizer sees a byte too far. */
 static int open_cut(size_t cut)
 {
-    unsigned char *copy = aligned_alloc(16, cut ? cut : 16);
+    unsigned char *copy = bank_fixture_memory(cut);
     memcpy(copy, bytes, cut);
     struct bank_view view;
     int status = bank_view_open(&view, copy, cut);
@@ -64,8 +64,7 @@ static void every_cut_is_refused(void **state)
 static void bytes_behind_the_end_are_refused(void **state)
 {
     (void)state;
-    unsigned char *copy = aligned_alloc(64, (length + 127) / 64 * 64);
-    memset(copy, 0, (length + 127) / 64 * 64);
+    unsigned char *copy = bank_fixture_memory(length + 16);
     memcpy(copy, bytes, length);
     struct bank_view view;
     for (size_t more = 1; more <= 16; more++)
@@ -195,7 +194,7 @@ static void rewritten_banks_are_refused_or_safe(void **state)
 {
     (void)state;
     random_seed("rewrites", 3);
-    unsigned char *copy = aligned_alloc(64, (length + 63) / 64 * 64);
+    unsigned char *copy = bank_fixture_memory(length);
     size_t rounds = thorough ? 400000 : 6000, passed = 0;
     for (size_t k = 0; k < rounds; k++) {
         memcpy(copy, bytes, length);
@@ -226,7 +225,7 @@ static void garbage_is_not_a_bank(void **state)
 {
     (void)state;
     random_seed("garbage", 4);
-    unsigned char *junk = aligned_alloc(64, 4096);
+    unsigned char *junk = bank_fixture_memory(4096);
     struct bank_view view;
     for (int k = 0; k < 2000; k++) {
         for (size_t b = 0; b < 4096; b++)

@@ -23,7 +23,7 @@ static int setup(void **state)
     o.subdivisions = 1;
     o.instruments = 2;
     pristine = bank_fixture(&o, &length);
-    bytes = aligned_alloc(64, length + 64);
+    bytes = bank_fixture_memory(length + 64);
     return 0;
 }
 
