@@ -11,6 +11,7 @@
 #ifndef TROCAR_BANK_FIXTURE_H
 #define TROCAR_BANK_FIXTURE_H
 
+#include <malloc.h>
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
@@ -191,10 +192,11 @@ static inline struct bank_section *bank_fixture_section(unsigned char *bytes, ui
 /* Aligned memory of exactly `length` bytes, so that a sanitizer sees a read of the next. */
 static inline unsigned char *bank_fixture_memory(size_t length)
 {
-    void *bytes = NULL;
-    if (posix_memalign(&bytes, 64, length ? length : 1) != 0)
+    unsigned char *bytes = memalign(64, length ? length : 1);
+    if (!bytes)
         abort();
-    return memset(bytes, 0, length);
+    memset(bytes, 0, length);
+    return bytes;
 }
 
 /* Sections one after the other, sealed. */
