@@ -17,7 +17,8 @@
  * 32 signed. NaN gives 0. */
 int32_t wire_quantise(float value, float scale, int bits, bool is_signed);
 
-/* CANopen network management. Command 1 (start) acknowledges and enables, 2 (stop) asks for SAFE; node 0 is all. */
+/* CANopen network management. Command 1 (start) leads from READY to RUN and, as the acknowledgement, from SAFE to
+ * READY; 2 (stop) leads to SAFE. Node 0 is all. */
 enum { WIRE_NMT_ID = 0x000, WIRE_NMT_LENGTH = 2 };
 struct wire_nmt {
     uint8_t command; /* 8 bits, 0..255 */
