@@ -1,4 +1,4 @@
-/* Keys to struct scene. Every key, its unit, default and range stand in SCENE.md; a test reads both. */
+/* Keys to struct scene. Every key, its unit, default and range stand in SCENE.md. */
 #include "scene.h"
 
 #include <math.h>

@@ -108,8 +108,8 @@ static void measure(struct placement *p)
     }
 }
 
-/* Score of a touch point: clear of fixed vertices, flat around, square to the shortest axis (upwards wins a tie),
- * near the middle. Each term is 0..1; being clear counts twice. */
+/* Score of a touch point: clear of fixed vertices, flat around, square to the shortest axis, near the
+ * middle: each 0..1, being clear counts twice; and half a point for coming from above rather than below. */
 static void judge(const struct placement *p, struct site *site)
 {
     const uint32_t *corner = &p->surface->triangles[3 * (size_t)site->triangle];
@@ -137,7 +137,7 @@ static void judge(const struct placement *p, struct site *site)
     double clear = fmin(nearest_fixed / (CLEAR_OF_FIXED * p->extent), 1);
     double up = -site->inward[p->shortest];
     double central = 1 - distance(site->point, p->middle) / p->extent;
-    site->score = 2 * clear + flat + fabs(up) + 0.05 * up + central;
+    site->score = 2 * clear + flat + fabs(up) + 0.5 * up + central;
 }
 
 static int by_score(const void *a, const void *b)

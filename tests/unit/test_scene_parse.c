@@ -1,3 +1,4 @@
+#include "progress.h"
 #include "scene_fixture.h"
 
 static void every_key_arrives_in_SI_units(void **state)
@@ -283,6 +284,47 @@ static void hostile_files_are_refused_without_growing(void **state)
     free(text);
 }
 
+/* SCENE.md has a row for every key (a word before a colon in the full scene), and its example is a scene. */
+static void the_manual_names_every_key_and_its_example_reads(void **state)
+{
+    (void)state;
+    unsigned char *bytes;
+    size_t length;
+    struct failure why;
+    assert_int_equal(file_load("host/scenes/SCENE.md", &bytes, &length, &why), STATUS_OK);
+    char *manual = (char *)bytes;
+    size_t keys = 0;
+    for (const char *p = strchr(scene_full, ':'); p; p = strchr(p + 1, ':')) {
+        const char *start = p;
+        while (start > scene_full && strchr("abcdefghijklmnopqrstuvwxyz_E", start[-1]))
+            start--;
+        char quoted[40];
+        snprintf(quoted, sizeof quoted, "`%.*s`", (int)(p - start), start);
+        if (!strstr(manual, quoted))
+            fail_msg("SCENE.md does not mention %s", quoted);
+        keys++;
+    }
+    assert_true(keys > 60);
+    char *example = strstr(manual, "```yaml\n");
+    assert_non_null(example);
+    example += strlen("```yaml\n");
+    struct scene s;
+    assert_int_equal(scene_parse(example, (size_t)(strstr(example, "```") - example), "SCENE.md", &s, &why), STATUS_OK);
+    assert_string_equal(s.name, "liver-press");
+    free(manual);
+}
+
+static void the_scenes_of_the_demo_read(void **state)
+{
+    (void)state;
+    struct scene s;
+    struct failure why;
+    assert_int_equal(scene_read("host/scenes/demo/demo.yaml", &s, &why), STATUS_OK);
+    assert_string_equal(s.mesh_path, "host/scenes/demo/liver.geo");
+    assert_int_equal(scene_read("host/scenes/demo/block.yaml", &s, &why), STATUS_OK);
+    assert_string_equal(s.mesh_path, "host/scenes/demo/block.geo");
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -294,6 +336,8 @@ int main(void)
         cmocka_unit_test(every_fault_is_named_with_its_line),
         cmocka_unit_test(a_file_without_a_scene_is_refused),
         cmocka_unit_test(hostile_files_are_refused_without_growing),
+        cmocka_unit_test(the_manual_names_every_key_and_its_example_reads),
+        cmocka_unit_test(the_scenes_of_the_demo_read),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
