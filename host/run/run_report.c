@@ -76,6 +76,7 @@ static void fill(struct json_object *o, const struct session_result *r)
     real(o, "max_depth_m", r->max_depth_m);
     text(o, "state", state_of(r));
     text(o, "reason", r->reason ? status_name(r->reason) : "");
+    integer(o, "late_ticks", r->late_ticks);
     integer(o, "safe_entries", s->safe_entries);
     integer(o, "implausible", s->implausible);
     integer(o, "out_of_sequence", s->out_of_sequence);

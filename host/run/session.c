@@ -3,8 +3,9 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "bench.h"
+#include "clock.h"
 #include "device_node.h"
 #include "fem_force.h"
 #include "progress.h"
@@ -34,7 +35,7 @@ struct session {
     double drive_m[3];
     uint8_t command; /* NMT to send with the next tick, 0: none */
     double started_s;
-    struct timespec deadline;
+    struct clock clock;
     struct session_result result;
 };
 
@@ -111,70 +112,6 @@ static void host_tick(struct session *s)
 
 /* ---- start ---- */
 
-/* Only the figures of the calibration are the bank's: a device of another make would be calibrated in its bank. */
-static void calibrate(struct device_model *model, const struct bank_tool *tool)
-{
-    for (int k = 0; k < 3; k++) {
-        const struct bank_axis *from = &tool->axis[k];
-        struct device_axis_model *to = &model->axis[k];
-        to->per_count = (double)from->per_count;
-        to->zero = (double)from->zero;
-        to->count_zero = from->count_zero;
-        to->count_modulus = from->count_modulus;
-        to->minimum = (double)from->minimum;
-        to->maximum = (double)from->maximum;
-    }
-    model->gravity_N = (double)tool->gravity_N;
-    model->gravity_arm_m = (double)tool->gravity_arm_m;
-}
-
-static int choose_device(struct session *s, struct failure *why)
-{
-    const char *name = s->options.device;
-    if (!name && s->body && s->body->scene.instrument_count > 0 && *s->body->scene.instrument[0].device)
-        name = s->body->scene.instrument[0].device;
-    if (!name)
-        name = "impulse-engine";
-    const struct device_model *model = device_model_find(name);
-    if (!model)
-        return failure_set(why, STATUS_SCENE_VALUE, NULL, NULL, "there is no device \"%.60s\" (known: %s)", name,
-                           device_model_names());
-    s->model = *model;
-    calibrate(&s->model, &s->bank->view.tools[0]);
-    return STATUS_OK;
-}
-
-/* Where the instrument's axis meets the body, less what the leading tool point stands ahead of the tip's centre: there
- * depth 0 of a gesture is first touch. The hand starts drawn back, close to the shortest insertion. */
-static int place_hand(struct session *s, struct failure *why)
-{
-    const struct bank_view *bank = &s->bank->view;
-    const struct bank_tool *tool = &bank->tools[0];
-    double shortest = (double)tool->axis[2].minimum, longest = (double)tool->axis[2].maximum, lead = 0;
-    for (uint32_t p = 0; p < tool->point_count; p++)
-        lead = fmax(lead, (double)tool->point_m[p][2]);
-    float end[3];
-    double reach = longest + lead;
-    for (int i = 0; i < 3; i++)
-        end[i] = tool->trocar_m[i] + (float)reach * tool->rotation[3 * i + 2];
-    struct collide_hit hit;
-    if (!collide_brute(bank, tool->trocar_m, end, &hit))
-        return failure_set(why, STATUS_SCENE_VALUE, NULL, "place the trocar so that its axis points at the body",
-                           "the instrument's axis does not meet the body within its range of %.3f m", longest);
-    double touch = (double)hit.fraction * reach - lead;
-    double start = shortest + 0.02 * (longest - shortest);
-    if (touch < start)
-        return failure_set(why, STATUS_SCENE_VALUE, NULL, "move the trocar away from the body",
-                           "the body is %.3f m from the trocar, nearer than the shortest insertion of %.3f m",
-                           touch + lead, shortest);
-    s->hand = (struct hand){.stiffness_N_m = HAND_STIFFNESS_N_M,
-                            .damping_Ns_m = HAND_DAMPING_NS_M,
-                            .start = {0, 0, fmin(start, touch)},
-                            .touch = {0, 0, touch},
-                            .gesture = &s->gesture};
-    return STATUS_OK;
-}
-
 static int read_gesture(struct session *s, struct failure *why)
 {
     const char *name = s->options.gesture ? s->options.gesture : "press";
@@ -182,6 +119,25 @@ static int read_gesture(struct session *s, struct failure *why)
     long line = 0;
     int status = gesture_read(name, &s->gesture, message, sizeof message, &line);
     return status ? failure_at(why, (enum status)status, name, line, NULL, "%s", message) : STATUS_OK;
+}
+
+/* The device is the option's, else that of the scene the bank was built from, whether or not its mesh is at hand. */
+static int choose_device(struct session *s, struct failure *why)
+{
+    const struct bank_tool *tool = &s->bank->view.tools[0];
+    struct failure unreadable;
+    if (s->options.device || !s->bank->scene_text)
+        return bench_device(s->options.device, tool, &s->model, why);
+    struct scene *scene = calloc(1, sizeof *scene);
+    if (!scene)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
+    const char *text = s->bank->scene_text, *name = NULL;
+    if (!scene_parse(text, strlen(text), "the bank's scene", scene, &unreadable) && scene->instrument_count > 0 &&
+        *scene->instrument[0].device)
+        name = scene->instrument[0].device;
+    int status = bench_device(name, tool, &s->model, why);
+    free(scene);
+    return status;
 }
 
 static int attach(struct session *s, struct failure *why)
@@ -215,7 +171,8 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     if (!status)
         status = choose_device(s, why);
     if (!status)
-        status = place_hand(s, why);
+        status = bench_hand(&bank->view, &s->hand, why);
+    s->hand.gesture = &s->gesture;
     if (!status)
         status = attach(s, why);
     if (!status)
@@ -228,16 +185,10 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     node_start(&s->node, &bank->view, 0, SESSION_NODE);
     send_queued(s);
     device_node_start(&s->device, &s->model, &s->hand, SESSION_NODE);
-    const struct bank_tool *tool = &bank->view.tools[0];
-    for (int j = 0; j < 3; j++) { /* world to trocar's frame: the transpose */
-        double sum = 0;
-        for (int i = 0; i < 3; i++)
-            sum += (double)tool->rotation[3 * i + j] * (double)tool->gravity_direction[i];
-        s->device.device.gravity_direction[j] = sum;
-    }
+    bench_gravity(&bank->view.tools[0], s->device.device.gravity_direction);
     link_start(&s->link, SESSION_NODE);
     s->started_s = seconds_now();
-    clock_gettime(CLOCK_MONOTONIC, &s->deadline);
+    clock_begin(&s->clock);
     *session = s;
     return STATUS_OK;
 }
@@ -285,22 +236,6 @@ static void drive_tick(struct session *s)
         hand->overridden = 0;
 }
 
-/* To the wall clock, by absolute deadlines; more than 50 ms behind, the past is let go. */
-static void pace(struct session *s)
-{
-    s->deadline.tv_nsec += SESSION_TICK_US * 1000L;
-    if (s->deadline.tv_nsec >= 1000000000L) {
-        s->deadline.tv_nsec -= 1000000000L;
-        s->deadline.tv_sec++;
-    }
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    if ((double)(now.tv_sec - s->deadline.tv_sec) + 1e-9 * (double)(now.tv_nsec - s->deadline.tv_nsec) > 0.05)
-        s->deadline = now;
-    else
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &s->deadline, NULL);
-}
-
 double session_gesture_time_s(const struct session *s)
 {
     return s->gesturing ? 1e-3 * (double)(s->tick - s->gesture_tick) : 0;
@@ -323,7 +258,7 @@ bool session_tick(struct session *s)
     if (over(s))
         return false;
     if (s->options.realtime)
-        pace(s);
+        clock_wait(&s->clock, SESSION_TICK_US);
     uint64_t start_us = s->tick * SESSION_TICK_US;
     host_tick(s);
     drive_tick(s);
@@ -468,6 +403,7 @@ int session_finish(struct session *s, struct session_result *result, struct fail
     r->bus = *bus_statistics(s->bus);
     r->bus_load = s->tick ? (double)r->bus.busy_us / (double)(s->tick * SESSION_TICK_US) : 0;
     r->torque_frames = s->log.frames;
+    r->late_ticks = s->clock.late;
     int status = torque_log_close(&s->log, r->torque_log_sha256, why);
     if (!status)
         status = compare(s, why);

@@ -41,13 +41,15 @@ struct session_options {
     bool endless;        /* never over by itself (view) */
     bool fem;            /* compare with the full finite-element solve; needs `body` */
     uint32_t fem_every;  /* contact ticks between comparisons; 0: 8 to 16 of them spread over the run, and the peak */
-    const char *device;  /* name of a device model; NULL: the body's scene's, else the catalogue's first */
+    const char *device;  /* name of a device model; NULL: the bank's scene's, else the reference device */
     struct bus_faults faults; /* all probabilities 0: none */
     const char *torque_log;   /* file for the torque frames as candump log, NULL: none */
 };
 
 struct session_result {
     uint64_t ticks, missed; /* missed: ticks without a usable encoder sample, after the first good ones */
+    uint64_t
+        late_ticks; /* in real time: ticks that the machine began more than a tick late; no matter for the result */
     uint64_t contact_ticks;
     double peak_force_N;         /* of the force rendered: after damping, clamp, rate limit */
     double peak_contact_force_N; /* of the contact system's */

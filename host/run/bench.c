@@ -1,0 +1,65 @@
+#include "bench.h"
+
+#include <math.h>
+
+#include "collide.h"
+
+#define REFERENCE_DEVICE "impulse-engine"
+
+int bench_device(const char *name, const struct bank_tool *tool, struct device_model *model, struct failure *why)
+{
+    const struct device_model *known = device_model_find(name ? name : REFERENCE_DEVICE);
+    if (!known)
+        return failure_set(why, STATUS_SCENE_VALUE, NULL, NULL, "there is no device \"%.60s\" (known: %s)", name,
+                           device_model_names());
+    *model = *known;
+    for (int k = 0; k < 3; k++) {
+        const struct bank_axis *from = &tool->axis[k];
+        struct device_axis_model *to = &model->axis[k];
+        to->per_count = (double)from->per_count;
+        to->zero = (double)from->zero;
+        to->count_zero = from->count_zero;
+        to->count_modulus = from->count_modulus;
+        to->minimum = (double)from->minimum;
+        to->maximum = (double)from->maximum;
+    }
+    model->gravity_N = (double)tool->gravity_N;
+    model->gravity_arm_m = (double)tool->gravity_arm_m;
+    return STATUS_OK;
+}
+
+int bench_hand(const struct bank_view *bank, struct hand *hand, struct failure *why)
+{
+    const struct bank_tool *tool = &bank->tools[0];
+    double shortest = (double)tool->axis[2].minimum, longest = (double)tool->axis[2].maximum, lead = 0;
+    for (uint32_t p = 0; p < tool->point_count; p++)
+        lead = fmax(lead, (double)tool->point_m[p][2]);
+    float end[3];
+    double reach = longest + lead;
+    for (int i = 0; i < 3; i++)
+        end[i] = tool->trocar_m[i] + (float)reach * tool->rotation[3 * i + 2];
+    struct collide_hit hit;
+    if (!collide_brute(bank, tool->trocar_m, end, &hit))
+        return failure_set(why, STATUS_SCENE_VALUE, NULL, "place the trocar so that its axis points at the body",
+                           "the instrument's axis does not meet the body within its range of %.3f m", longest);
+    double touch = (double)hit.fraction * reach - lead;
+    double start = shortest + 0.02 * (longest - shortest);
+    if (touch < start)
+        return failure_set(why, STATUS_SCENE_VALUE, NULL, "move the trocar away from the body",
+                           "the body is %.3f m from the trocar, nearer than the shortest insertion of %.3f m",
+                           touch + lead, shortest);
+    *hand = (struct hand){.stiffness_N_m = HAND_STIFFNESS_N_M,
+                          .damping_Ns_m = HAND_DAMPING_NS_M,
+                          .start = {0, 0, start},
+                          .touch = {0, 0, touch}};
+    return STATUS_OK;
+}
+
+void bench_gravity(const struct bank_tool *tool, double direction[3])
+{
+    for (int j = 0; j < 3; j++) { /* world to trocar's frame: the transpose */
+        direction[j] = 0;
+        for (int i = 0; i < 3; i++)
+            direction[j] += (double)tool->rotation[3 * i + j] * (double)tool->gravity_direction[i];
+    }
+}
