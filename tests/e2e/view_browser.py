@@ -58,9 +58,7 @@ class Browser:
             wanted = {"browserName": "chrome", "goog:chromeOptions": options,
                       "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
             self.session = self.call("POST", "/session", {"capabilities": {"alwaysMatch": wanted}})["sessionId"]
-            # The window's size counts the browser's own bars; this is the page's.
-            self.of("POST", "/goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
-                "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}})
+            self.size(width, height)
         except BaseException:
             self.close()
             raise
@@ -99,6 +97,11 @@ class Browser:
 
     def of(self, method, path, body=None):
         return self.call(method, "/session/" + self.session + path, body)
+
+    def size(self, width, height):
+        """Of the page: the window's would count the browser's own bars."""
+        self.of("POST", "/goog/cdp/execute", {"cmd": "Emulation.setDeviceMetricsOverride", "params": {
+            "width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}})
 
     def open(self, url):
         self.of("POST", "/url", {"url": url})

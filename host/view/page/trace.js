@@ -49,7 +49,7 @@ class Trace {
 
     let peak = 0;
     for (const [t, f] of this.points) if (t >= now_s - TRACE_SPAN_S) peak = Math.max(peak, f);
-    const {top: limit, steps} = Trace.scale(Math.max(0.5, 1.05 * peak));
+    const {top: limit, steps} = Trace.scale(Math.max(0.1, 1.05 * peak));
     const x = (t) => right + (t - now_s) / TRACE_SPAN_S * (right - left);
     const y = (f) => bottom - f / limit * (bottom - top);
 

@@ -87,7 +87,7 @@
     while (peaks.length && (peaks[0][0] < frame.time_s - 8 || peaks[0][0] > frame.time_s)) peaks.shift();
     if (stage) {
       setRange(Math.max(0.005, ...peaks.map((p) => p[1])));
-      setArrow(Math.max(0.5, ...peaks.map((p) => p[2])));
+      setArrow(Math.max(0.1, ...peaks.map((p) => p[2])));
       stage.update(frame);
     }
     move();
@@ -123,16 +123,18 @@
     $('stop').disabled = frame.state !== 'RUN';
   }
 
-  let cells = [];
+  let cells = [], units = [];
   function buildHealth() {
-    const names = hello.health_names.concat(['Frames dropped', 'Messages refused']);
+    /* a value's unit is the last part of its name */
+    units = hello.health_names.map((name) => (/_100uJ$/.test(name) ? 0.1 : 1));
+    const names = hello.health_names.map((name) => name.replace(/_100uJ$/, ' [mJ]')).concat(['Frames dropped', 'Messages refused']);
     const body = $('health').tBodies[0], rows = Math.ceil(names.length / 2);
     body.textContent = '';
     cells = [];
     for (let r = 0; r < rows; r++) body.insertRow();
     names.forEach((name, i) => {
       const row = body.rows[i % rows];
-      row.insertCell().textContent = name.replace(/([a-z])([A-Z])/g, '$1 $2').replace(/_/g, ' ').toLowerCase().replace(/^./, (c) => c.toUpperCase());
+      row.insertCell().textContent = name.replace(/_/g, ' ').replace(/^./, (c) => c.toUpperCase());
       const cell = row.insertCell();
       cell.className = 'n';
       cells.push(cell);
@@ -140,13 +142,13 @@
   }
 
   /* Names of what is information rather than a loss: not emphasised when it is above zero. */
-  const PLAIN = /tick|energy|reason|state/i;
+  const PLAIN = /^tick|^energy|^Frames/;
   function showHealth() {
-    const names = hello.health_names;
+    const names = hello.health_names.concat(['Frames', 'Messages']);
     frame.health.concat([frame.dropped, frame.malformed]).forEach((value, i) => {
-      const text = String(value);
+      const text = units[i] < 1 ? (value * units[i]).toFixed(1) : String(value);
       if (cells[i].textContent !== text) cells[i].textContent = text;
-      cells[i].classList.toggle('count', value > 0 && !PLAIN.test(names[i] || ''));
+      cells[i].classList.toggle('count', value > 0 && !PLAIN.test(names[i]));
     });
   }
 
@@ -185,8 +187,8 @@
     $('displacement').textContent = (1000 * (frame.max_m || 0)).toFixed(1);
     $('driven').hidden = !frame.driven;
     const now = performance.now();
-    if (now - rate.wall > 1000) {
-      if (rate.wall && frame.time_s > rate.time) $('rate').textContent = Math.round(100000 * (frame.time_s - rate.time) / (now - rate.wall)) + ' % of real time';
+    if (now - rate.wall > 2000) {
+      if (rate.wall && now - rate.wall < 4000 && frame.time_s > rate.time) $('rate').textContent = Math.round(100000 * (frame.time_s - rate.time) / (now - rate.wall)) + ' % of real time';
       rate = {wall: now, time: frame.time_s};
     }
   }
