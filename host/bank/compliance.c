@@ -24,6 +24,7 @@ static double memory_available(void)
 struct tail {
     int32_t *place;
     uint32_t *at;
+    double *pivot_min; /* per place: what is not rounding */
     size_t count;
 };
 
@@ -33,8 +34,11 @@ static bool number_rows(const struct model *model, struct compliance *compliance
     compliance->row_of = malloc((vertices + 1) * sizeof *compliance->row_of);
     tail->place = malloc((model->unknowns + 1) * sizeof *tail->place);
     tail->at = malloc((3 * vertices + 1) * sizeof *tail->at);
-    if (!compliance->row_of || !tail->place || !tail->at)
+    tail->pivot_min = malloc((3 * vertices + 1) * sizeof *tail->pivot_min);
+    if (!compliance->row_of || !tail->place || !tail->at || !tail->pivot_min)
         return false;
+    const int32_t *start = model->K->p;
+    const double *K = model->K->x;
     for (size_t u = 0; u < model->unknowns; u++)
         tail->place[u] = -1;
     for (size_t v = 0; v < vertices; v++) {
@@ -46,6 +50,7 @@ static bool number_rows(const struct model *model, struct compliance *compliance
             if (unknown < 0)
                 continue;
             tail->at[tail->count] = (uint32_t)(3 * compliance->rows) + (uint32_t)a;
+            tail->pivot_min[tail->count] = MODEL_PIVOT_MIN * K[start[unknown]];
             tail->place[unknown] = (int32_t)tail->count++;
         }
         compliance->row_of[v] = (uint32_t)compliance->rows++;
@@ -110,7 +115,7 @@ static int build(struct model *model, const struct schur *schur, const struct ta
     size_t pivot = 0;
     int status = schur_eliminate(schur, model->K, compliance->G, ld, &effort, &pivot);
     if (status == STATUS_OK) {
-        status = dense_inverse(tail->count, compliance->G, ld, &effort, &pivot);
+        status = dense_inverse(tail->count, compliance->G, ld, tail->pivot_min, &effort, &pivot);
         for (size_t u = 0; status == STATUS_MODEL_FACTOR && u < model->unknowns; u++)
             if (tail->place[u] >= 0 && (size_t)tail->place[u] == pivot) {
                 pivot = u;
@@ -134,7 +139,7 @@ static int build(struct model *model, const struct schur *schur, const struct ta
 int compliance_build(struct model *model, bool quiet, struct compliance *compliance, struct failure *why)
 {
     *compliance = (struct compliance){0};
-    struct tail tail = {NULL, NULL, 0};
+    struct tail tail = {0};
     struct schur schur = {0};
     int status = STATUS_OK;
     if (!number_rows(model, compliance, &tail))
@@ -149,6 +154,7 @@ int compliance_build(struct model *model, bool quiet, struct compliance *complia
     schur_free(&schur, &model->common);
     free(tail.place);
     free(tail.at);
+    free(tail.pivot_min);
     if (status)
         compliance_free(compliance);
     return status;

@@ -17,7 +17,7 @@ static size_t least(size_t a, size_t b)
 }
 
 /* A = L L^t, left-looking: a panel takes all earlier columns at once. */
-static int factor(size_t n, double *A, size_t ld, struct effort *effort, size_t *pivot)
+static int factor(size_t n, double *A, size_t ld, const double *pivot_min, struct effort *effort, size_t *pivot)
 {
     for (size_t j = 0; j < n; j += PANEL) {
         int width = (int)least(PANEL, n - j), below = (int)(n - j) - width, done = (int)j, lead = (int)ld;
@@ -33,6 +33,11 @@ static int factor(size_t n, double *A, size_t ld, struct effort *effort, size_t 
             *pivot = j + (info > 0 ? (size_t)info - 1 : 0);
             return STATUS_MODEL_FACTOR;
         }
+        for (size_t k = 0; k < (size_t)width; k++)
+            if (!(corner[k * (ld + 1)] * corner[k * (ld + 1)] > pivot_min[j + k])) {
+                *pivot = j + k;
+                return STATUS_MODEL_FACTOR;
+            }
         if (below > 0)
             cblas_dtrsm(CblasColMajor, CblasRight, CblasLower, CblasTrans, CblasNonUnit, below, width, 1, corner, lead,
                         corner + width, lead);
@@ -91,9 +96,9 @@ static int square(size_t n, double *M, size_t ld, struct effort *effort)
     return STATUS_OK;
 }
 
-int dense_inverse(size_t n, double *A, size_t ld, struct effort *effort, size_t *pivot)
+int dense_inverse(size_t n, double *A, size_t ld, const double *pivot_min, struct effort *effort, size_t *pivot)
 {
-    int status = factor(n, A, ld, effort, pivot);
+    int status = factor(n, A, ld, pivot_min, effort, pivot);
     if (status == STATUS_OK)
         status = invert(n, A, ld, effort, pivot);
     if (status == STATUS_OK)

@@ -9,9 +9,9 @@
 /* Operations that dense_inverse reports to `effort`. */
 double dense_inverse_operations(size_t n);
 
-/* A: column-major, leading dimension ld >= n, lower half; the upper half is not touched. Returns STATUS_OK,
- * STATUS_INTERRUPTED, or STATUS_MODEL_FACTOR with the first pivot that is not positive in *pivot; fills nothing else. A
- * holds no useful number after a failure. */
-int dense_inverse(size_t n, double *A, size_t ld, struct effort *effort, size_t *pivot);
+/* A: column-major, leading dimension ld >= n, lower half; the upper half is not touched. `pivot_min` (n): the smallest square
+ * of each diagonal entry of the factor that is not taken for rounding error. Returns STATUS_OK, STATUS_INTERRUPTED, or
+ * STATUS_MODEL_FACTOR with the first row that fails in *pivot. A holds no useful number after a failure. */
+int dense_inverse(size_t n, double *A, size_t ld, const double *pivot_min, struct effort *effort, size_t *pivot);
 
 #endif

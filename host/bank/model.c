@@ -10,10 +10,6 @@
 
 enum { SOLVE_BLOCK = 64 }; /* right-hand sides per solve: wide enough for matrix products, small beside the factor */
 
-/* Below this estimate of the reciprocal condition (square of the ratio of the factor's extreme diagonal entries) the
- * factor is rounding error: nu = 0.4999 with 0.1 degree slivers stays above 1e-10, a mechanism falls to 1e-16. */
-static const double RCOND_MIN = 1e-14;
-
 int model_cholmod_failure(struct model *model, const char *what, struct failure *why)
 {
     int status = model->common.status;
@@ -309,6 +305,21 @@ void model_multiply(const struct model *model, const double *x, double *y)
     }
 }
 
+/* The first unknown whose pivot is only rounding, or `unknowns`. */
+static size_t weak_pivot(const struct model *model, const cholmod_factor *L)
+{
+    const int32_t *first = L->super, *rows = L->pi, *values = L->px, *order = L->Perm, *start = model->K->p;
+    const double *x = L->x, *K = model->K->x;
+    for (size_t s = 0; s < L->nsuper; s++)
+        for (int32_t k = 0; k < first[s + 1] - first[s]; k++) {
+            double pivot = x[(size_t)values[s] + (size_t)k * ((size_t)(rows[s + 1] - rows[s]) + 1)];
+            int32_t unknown = order[first[s] + k];
+            if (!(pivot * pivot > MODEL_PIVOT_MIN * K[start[unknown]])) /* the diagonal leads its column */
+                return (size_t)unknown;
+        }
+    return model->unknowns;
+}
+
 static int factor(struct model *model, struct failure *why)
 {
     if (model->factor)
@@ -323,11 +334,8 @@ static int factor(struct model *model, struct failure *why)
         status = model_indefinite(model, (size_t)((const int32_t *)L->Perm)[L->minor], why);
     else if (common->status < CHOLMOD_OK)
         status = model_cholmod_failure(model, "factor", why);
-    else if (!(cholmod_rcond(L, common) > RCOND_MIN))
-        status = failure_set(why, STATUS_MODEL_FACTOR, model->place,
-                             "look for slivers or parts joined at one edge with trocar mesh, or lower nu",
-                             "the stiffness matrix is singular to rounding (reciprocal condition %.1g)",
-                             cholmod_rcond(L, common));
+    else if (weak_pivot(model, L) < model->unknowns)
+        status = model_indefinite(model, weak_pivot(model, L), why);
     if (status)
         cholmod_free_factor(&L, common);
     model->factor = L;

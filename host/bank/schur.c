@@ -252,7 +252,7 @@ static int eliminate(const struct schur *schur, double *values, double *S, size_
         struct supernode node = supernode_at(schur, s, values);
         int columns = (int)node.columns, lead = (int)node.rows;
         lapack_int info = LAPACKE_dpotrf_work(LAPACK_COL_MAJOR, 'L', columns, node.value, lead);
-        if (info != 0) {
+        if (info != 0) { /* only a K11 that is indefinite: a motion that nothing holds reaches the tail's pivots */
             *pivot = (size_t)((const int32_t *)schur->pattern->Perm)[node.first + (info > 0 ? (size_t)info - 1 : 0)];
             return STATUS_MODEL_FACTOR;
         }
