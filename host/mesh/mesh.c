@@ -31,6 +31,28 @@ static const struct {
     {"a script", "#!", 2},
 };
 
+enum mesh_format {
+    FORMAT_NONE,
+    FORMAT_GMSH,
+    FORMAT_VTK,
+    FORMAT_VTK_XML,
+    FORMAT_TETGEN,
+    FORMAT_VEGA,
+    FORMAT_STL,
+    FORMAT_OBJ,
+    FORMAT_PLY,
+    FORMAT_GEO
+};
+
+static const struct {
+    const char *extension;
+    enum mesh_format format;
+} extensions[] = {
+    {".msh", FORMAT_GMSH},    {".vtk", FORMAT_VTK},    {".vtu", FORMAT_VTK_XML}, {".vtp", FORMAT_VTK_XML},
+    {".node", FORMAT_TETGEN}, {".ele", FORMAT_TETGEN}, {".veg", FORMAT_VEGA},    {".stl", FORMAT_STL},
+    {".obj", FORMAT_OBJ},     {".ply", FORMAT_PLY},    {".geo", FORMAT_GEO},
+};
+
 bool mesh_has_extension(const char *path, const char *extension)
 {
     size_t n = strlen(path), m = strlen(extension);
@@ -59,18 +81,72 @@ static int not_a_mesh(struct scan *s)
                        "neither the content nor the extension is that of a known mesh format");
 }
 
-static int dispatch(struct scan *s, double surface_size, struct mesh *mesh)
+/* Content first, extension where content is only numbers. */
+static enum mesh_format format_of(struct scan *s)
 {
-    (void)surface_size;
-    (void)head_has;
     const char *token;
     struct scan peek = *s;
     size_t n = scan_peek(&peek, &token);
-    if (n > 1 && token[0] == '$' && (begins(s, "$") || mesh_has_extension(s->path, ".msh")))
+    if (begins(s, "# vtk DataFile"))
+        return FORMAT_VTK;
+    if (begins(s, "ply\n") || begins(s, "ply\r\n"))
+        return FORMAT_PLY;
+    if (n > 1 && token[0] == '$' && token[1] >= 'A' && token[1] <= 'Z')
+        return FORMAT_GMSH;
+    if (n > 0 && token[0] == '<' && head_has(s, "<VTKFile"))
+        return FORMAT_VTK_XML;
+    if (begins(s, "solid") && head_has(s, "facet"))
+        return FORMAT_STL;
+    for (size_t i = 0; i < sizeof foreign / sizeof foreign[0]; i++)
+        if (s->length >= foreign[i].length && memcmp(s->bytes, foreign[i].mark, foreign[i].length) == 0)
+            return FORMAT_NONE;
+    for (size_t i = 0; i < sizeof extensions / sizeof extensions[0] && s->length > 0; i++)
+        if (mesh_has_extension(s->path, extensions[i].extension))
+            return extensions[i].format;
+    if (n > 0 && head_has(s, "*VERTICES"))
+        return FORMAT_VEGA;
+    return FORMAT_NONE;
+}
+
+static int read_format(struct scan *s, enum mesh_format format, struct mesh *mesh, struct soup *soup, bool *is_surface)
+{
+    *is_surface = format == FORMAT_STL || format == FORMAT_OBJ || format == FORMAT_PLY;
+    switch (format) {
+    case FORMAT_GMSH:
         return read_gmsh(s, mesh);
-    if (mesh_has_extension(s->path, ".msh") && s->length && s->bytes[0] != 0x89)
-        return read_gmsh(s, mesh);
-    return not_a_mesh(s);
+    case FORMAT_VTK:
+        return read_vtk(s, mesh, soup, is_surface);
+    case FORMAT_VTK_XML:
+        return read_vtk_xml(s, mesh, soup, is_surface);
+    case FORMAT_TETGEN:
+        return read_tetgen(s, mesh);
+    case FORMAT_VEGA:
+        return read_vega(s, mesh);
+    case FORMAT_STL:
+        return read_stl(s, soup);
+    case FORMAT_OBJ:
+        return read_obj(s, soup);
+    case FORMAT_PLY:
+        return read_ply(s, soup);
+    default:
+        return not_a_mesh(s);
+    }
+}
+
+static int dispatch(struct scan *s, double surface_size, struct mesh *mesh)
+{
+    struct soup soup = {0};
+    bool is_surface;
+    enum mesh_format format = format_of(s);
+    if (format == FORMAT_GEO)
+        return mesh_geometry(surface_size, s->path, mesh, s->why);
+    int status = read_format(s, format, mesh, &soup, &is_surface);
+    if (status == STATUS_OK && is_surface)
+        status = soup_close(&soup, s->path, s->why);
+    if (status == STATUS_OK && is_surface)
+        status = mesh_fill(&soup, surface_size, s->path, mesh, s->why);
+    soup_free(&soup);
+    return status;
 }
 
 int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct failure *why)
@@ -83,7 +159,7 @@ int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct f
         return status;
     struct scan s = scan_start(path, bytes, length, why);
     status = dispatch(&s, surface_size, mesh);
-    if (mesh->file_hash == 0)
+    if (mesh->file_hash == 0) /* TetGen's reader has taken both files */
         mesh->file_hash = crc32_update(0, bytes, length);
     snprintf(mesh->path, sizeof mesh->path, "%s", path);
     free(bytes);

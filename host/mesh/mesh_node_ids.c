@@ -11,14 +11,22 @@ int node_ids_start(struct node_ids *ids, size_t room, const char *path, struct f
     return STATUS_OK;
 }
 
-void node_ids_add(struct node_ids *ids, int64_t number)
+bool node_ids_add(struct node_ids *ids, int64_t number)
 {
+    if (ids->count == ids->room) {
+        struct node_id *larger = realloc(ids->id, 2 * (ids->room + 1) * sizeof *larger);
+        if (!larger)
+            return false;
+        ids->id = larger;
+        ids->room = 2 * (ids->room + 1);
+    }
     if (ids->count == 0)
         ids->first = number;
     else if (number - 1 != ids->id[ids->count - 1].number)
         ids->in_row = false;
     ids->id[ids->count] = (struct node_id){number, (uint32_t)ids->count};
     ids->count++;
+    return true;
 }
 
 static int by_number(const void *a, const void *b)

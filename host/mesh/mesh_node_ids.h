@@ -21,8 +21,8 @@ struct node_ids {
 
 /* Room for `room` numbers. */
 int node_ids_start(struct node_ids *ids, size_t room, const char *path, struct failure *why);
-/* The next place's number; at most `room` calls. */
-void node_ids_add(struct node_ids *ids, int64_t number);
+/* The next place's number; false if there is no memory, which cannot be within the room. */
+bool node_ids_add(struct node_ids *ids, int64_t number);
 /* After the last: false, with the number in `*twice`, if one was given to two nodes. */
 bool node_ids_finish(struct node_ids *ids, int64_t *twice);
 /* UINT32_MAX if there is no such number. */

@@ -128,6 +128,13 @@ static int not_a_number(struct scan *s, const char *what)
     return scan_fail(s, STATUS_MESH_SYNTAX, "\"%.*s\" stands where %s should", (int)(n < 30 ? n : 30), token, what);
 }
 
+/* A part of a file (XML) ends before the byte that stops the number. */
+static bool ends_number(const struct scan *s, size_t n, char next)
+{
+    return n > 0 && s->at + n <= s->length &&
+           (s->at + n == s->length || ends_token((unsigned char)next) || next == ',');
+}
+
 int scan_double(struct scan *s, double *value, const char *what)
 {
     if (!scan_skip(s))
@@ -136,7 +143,7 @@ int scan_double(struct scan *s, double *value, const char *what)
     char *end;
     double x = strtod(start, &end);
     size_t n = (size_t)(end - start);
-    if (n == 0 || s->at + n > s->length || !(ends_token((unsigned char)*end) || *end == ',') || memchr(start, 'x', n))
+    if (!ends_number(s, n, *end) || memchr(start, 'x', n))
         return not_a_number(s, what);
     if (!isfinite(x))
         return scan_fail(s, STATUS_MESH_NONFINITE, "%s is %.*s", what, (int)(n < 30 ? n : 30), start);
@@ -154,7 +161,7 @@ int scan_integer(struct scan *s, int64_t lowest, int64_t highest, int64_t *value
     errno = 0;
     long long x = strtoll(start, &end, 10);
     size_t n = (size_t)(end - start);
-    if (n == 0 || s->at + n > s->length || !(ends_token((unsigned char)*end) || *end == ','))
+    if (!ends_number(s, n, *end))
         return not_a_number(s, what);
     if (errno == ERANGE || x < lowest || x > highest)
         return scan_fail(s, STATUS_MESH_SYNTAX, "%s is %.*s, out of its range", what, (int)(n < 30 ? n : 30), start);

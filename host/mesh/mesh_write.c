@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mesh.h"
+#include "mesh_fill.h"
 #include "progress.h"
 
 static bool named(const struct mesh *mesh)
@@ -26,13 +26,8 @@ static void put_names(FILE *out, const struct mesh *mesh)
     fputs("$EndPhysicalNames\n", out);
 }
 
-int mesh_write_msh(const struct mesh *mesh, const char *path, struct failure *why)
+void mesh_print_msh(const struct mesh *mesh, FILE *out)
 {
-    char *bytes = NULL;
-    size_t length = 0;
-    FILE *out = open_memstream(&bytes, &length);
-    if (!out)
-        return failure_set(why, STATUS_MEMORY, path, NULL, "no memory to write the mesh");
     fputs("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n", out);
     if (named(mesh))
         put_names(out, mesh);
@@ -47,6 +42,16 @@ int mesh_write_msh(const struct mesh *mesh, const char *path, struct failure *wh
                 corner[2] + 1, corner[3] + 1);
     }
     fputs("$EndElements\n", out);
+}
+
+int mesh_write_msh(const struct mesh *mesh, const char *path, struct failure *why)
+{
+    char *bytes = NULL;
+    size_t length = 0;
+    FILE *out = open_memstream(&bytes, &length);
+    if (!out)
+        return failure_set(why, STATUS_MEMORY, path, NULL, "no memory to write the mesh");
+    mesh_print_msh(mesh, out);
     bool bad = ferror(out) != 0;
     bad |= fclose(out) != 0;
     int status = bad ? failure_set(why, STATUS_MEMORY, path, NULL, "no memory to write the mesh")
