@@ -129,9 +129,6 @@ static int judge(const struct mesh *mesh, const struct mesh_report *r, const str
             "%zu parts hang together only at single nodes or edges, like hinges (%zu such edges, %zu such "
             "nodes)",
             j->pieces, r->nonmanifold_edges, r->nonmanifold_vertices);
-    if (r->nonmanifold_edges)
-        return failure_set(why, STATUS_MESH_NONMANIFOLD, mesh->path, NULL,
-                           "%zu edges of the surface have more than two triangles", r->nonmanifold_edges);
     if (r->components > 1 && !j->allow_components)
         return failure_set(why, STATUS_MESH_COMPONENTS, mesh->path, NULL,
                            "the body is in %zu pieces that share no node", r->components);

@@ -15,7 +15,7 @@
 #include "progress.h"
 
 struct child {
-    const char *path; /* of the mesh, for errors */
+    const char *path, *remedy; /* of the mesh, for errors */
     char program[4096];
     double limit_s;
     int input, output, errors[2]; /* memory files and a pipe; -1 if not open */
@@ -191,14 +191,14 @@ static int run(struct child *c, const struct soup *soup, const char *const argum
         return failure_set(why, STATUS_TOOL_MISSING, c->path, "build it, or name it in TROCAR_MESHER",
                            "the mesher cannot be run: %.200s", c->program);
     if (WEXITSTATUS(ended) != 0)
-        return failure_set(why, STATUS_MESH_SURFACE, c->path, NULL, "%.350s", reason(c));
+        return failure_set(why, STATUS_MESH_SURFACE, c->path, c->remedy, "%.350s", reason(c));
     return read_output(c, mesh, why);
 }
 
-static int fill(const struct soup *soup, const char *const arguments[], const char *path, struct mesh *mesh,
-                struct failure *why)
+static int fill(const struct soup *soup, const char *const arguments[], const char *path, const char *remedy,
+                struct mesh *mesh, struct failure *why)
 {
-    struct child c = {.path = path, .input = -1, .output = -1, .errors = {-1, -1}, .process = -1};
+    struct child c = {.path = path, .remedy = remedy, .input = -1, .output = -1, .errors = {-1, -1}, .process = -1};
     int status = find_mesher(&c, why);
     if (status == STATUS_OK)
         status = run(&c, soup, arguments, mesh, why);
@@ -213,7 +213,10 @@ int mesh_fill(const struct soup *soup, double size, const char *path, struct mes
 {
     char text[32];
     snprintf(text, sizeof text, "%.17g", size);
-    return fill(soup, (const char *[]){"trocar-mesher", "surface", text, NULL}, path, mesh, why);
+    return fill(soup, (const char *[]){"trocar-mesher", "surface", text, NULL}, path,
+                size > 0 ? "choose another --size, or repair the surface where it crosses itself"
+                         : "give --size to remesh the surface, or repair it where it crosses itself",
+                mesh, why);
 }
 
 int mesh_geometry(double size, const char *path, struct mesh *mesh, struct failure *why)
@@ -221,5 +224,6 @@ int mesh_geometry(double size, const char *path, struct mesh *mesh, struct failu
     char text[32], file[4096];
     snprintf(text, sizeof text, "%.17g", size);
     snprintf(file, sizeof file, "%s", path);
-    return fill(NULL, (const char *[]){"trocar-mesher", "geometry", text, file, NULL}, path, mesh, why);
+    return fill(NULL, (const char *[]){"trocar-mesher", "geometry", text, file, NULL}, path,
+                "correct the geometry script", mesh, why);
 }

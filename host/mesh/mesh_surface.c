@@ -60,31 +60,124 @@ static int number_vertices(const struct mesh *mesh, const struct face *face, str
     return STATUS_OK;
 }
 
-/* Across an edge with two triangles each is the other's neighbour. Where more meet (mesh_check refuses that), each
- * triangle takes one that runs the other way, so that walking over the surface stays defined. */
-static int join_neighbours(const struct mesh *mesh, struct surface *surface, struct failure *why)
+static int order_of(const uint32_t *a, const uint32_t *b)
 {
-    size_t sides = 3 * surface->triangle_count;
+    for (int k = 0; k < 3; k++)
+        if (a[k] != b[k])
+            return a[k] < b[k] ? -1 : 1;
+    return 0;
+}
+
+static bool is_on_face(const uint32_t *corner, int opposite, uint32_t node)
+{
+    for (int k = 0; k < 4; k++)
+        if (k != opposite && corner[k] == node)
+            return true;
+    return false;
+}
+
+/* The element across the face opposite corner `opposite` of `element`, or UINT32_MAX. */
+static uint32_t across(const struct face *face, size_t count, uint32_t element, int opposite, const uint32_t *corner)
+{
+    uint32_t node[3];
+    for (int k = 0, n = 0; k < 4; k++)
+        if (k != opposite)
+            node[n++] = corner[k];
+    for (int k = 0; k < 3; k++)
+        if (node[k % 2] > node[k % 2 + 1]) {
+            uint32_t t = node[k % 2];
+            node[k % 2] = node[k % 2 + 1];
+            node[k % 2 + 1] = t;
+        }
+    size_t low = 0, high = count;
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (order_of(face[middle].node, node) < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    for (; low < count && order_of(face[low].node, node) == 0; low++)
+        if (face[low].element != element)
+            return face[low].element;
+    return UINT32_MAX;
+}
+
+/* Where more than two triangles meet at an edge, the neighbour is the triangle at the other end of the same wedge of
+ * elements: walk around the edge through the material. Returns the face it ends at as 4 x element + opposite corner. */
+static uint64_t walk_wedge(const struct mesh *mesh, const struct face *face, size_t count, uint32_t element,
+                           uint32_t opposite_node, uint32_t low, uint32_t high)
+{
+    for (size_t step = 0; step < mesh->tetrahedron_count; step++) { /* at most all elements stand around one edge */
+        const uint32_t *corner = mesh->tetrahedra + 4 * (size_t)element;
+        int next =
+            0; /* leave by the other face at the edge: opposite the corner that the entered face has off the edge */
+        while (corner[next] == low || corner[next] == high || corner[next] == opposite_node)
+            next++;
+        uint32_t beyond = across(face, count, element, next, corner);
+        if (beyond == UINT32_MAX)
+            return 4 * (uint64_t)element + (uint64_t)next;
+        /* seen from the next element, the entered face lacks the corner that this element does not share */
+        const uint32_t *other = mesh->tetrahedra + 4 * (size_t)beyond;
+        int k = 0;
+        while (k < 3 && is_on_face(corner, next, other[k]))
+            k++;
+        opposite_node = other[k];
+        element = beyond;
+    }
+    return UINT64_MAX;
+}
+
+struct sides {
     struct side *side;
-    surface->neighbours = malloc((sides ? sides : 1) * sizeof *surface->neighbours);
+    size_t count;
+    const struct face *boundary; /* 1 per triangle */
+    struct face *face;           /* all faces, once an edge needs them */
+};
+
+/* The sides i..end-1 share an edge. */
+static int join_edge(const struct mesh *mesh, struct surface *surface, struct sides *s, size_t i, size_t end,
+                     struct failure *why)
+{
+    const struct side *side = s->side;
+    if (end - i == 2 && side[i].forward != side[i + 1].forward) {
+        surface->neighbours[3 * side[i].triangle + side[i].opposite] = side[i + 1].triangle;
+        surface->neighbours[3 * side[i + 1].triangle + side[i + 1].opposite] = side[i].triangle;
+        return STATUS_OK;
+    }
+    int status = s->face ? STATUS_OK : mesh_faces(mesh, &s->face, why);
+    for (size_t a = i; a < end && status == STATUS_OK; a++) {
+        const struct face *from = &s->boundary[side[a].triangle];
+        uint32_t found = side[a].triangle; /* itself, in a mesh that overlaps: such a mesh is refused */
+        uint64_t to = walk_wedge(mesh, s->face, 4 * mesh->tetrahedron_count, from->element,
+                                 mesh->tetrahedra[4 * (size_t)from->element + from->opposite],
+                                 surface->node[side[a].low], surface->node[side[a].high]);
+        for (size_t b = i; b < end; b++) {
+            const struct face *f = &s->boundary[side[b].triangle];
+            if (4 * (uint64_t)f->element + f->opposite == to)
+                found = side[b].triangle;
+        }
+        surface->neighbours[3 * side[a].triangle + side[a].opposite] = found;
+    }
+    return status;
+}
+
+static int join_neighbours(const struct mesh *mesh, const struct face *boundary, struct surface *surface,
+                           struct failure *why)
+{
+    struct sides s = {.count = 3 * surface->triangle_count, .boundary = boundary};
+    surface->neighbours = malloc((s.count ? s.count : 1) * sizeof *surface->neighbours);
     if (!surface->neighbours)
         return no_memory(mesh, why);
-    int status = triangle_sides(surface->triangles, surface->triangle_count, mesh->path, &side, why);
-    if (status)
-        return status;
-    for (size_t i = 0, end; i < sides; i = end) {
-        for (end = i + 1; end < sides && same_edge(&side[i], &side[end]); end++)
+    int status = triangle_sides(surface->triangles, surface->triangle_count, mesh->path, &s.side, why);
+    for (size_t i = 0, end; i < s.count && status == STATUS_OK; i = end) {
+        for (end = i + 1; end < s.count && same_edge(&s.side[i], &s.side[end]); end++)
             ;
-        for (size_t a = i; a < end; a++) {
-            size_t across = a;
-            for (size_t b = i; b < end && across == a; b++)
-                if (b != a && side[b].forward != side[a].forward)
-                    across = b;
-            surface->neighbours[3 * side[a].triangle + side[a].opposite] = side[across].triangle;
-        }
+        status = join_edge(mesh, surface, &s, i, end, why);
     }
-    free(side);
-    return STATUS_OK;
+    free(s.side);
+    free(s.face);
+    return status;
 }
 
 static int measure(const struct mesh *mesh, struct surface *surface, struct failure *why)
@@ -133,9 +226,9 @@ int mesh_surface(const struct mesh *mesh, struct surface *surface, struct failur
         return status;
     surface->triangle_count = keep_boundary(face, 4 * mesh->tetrahedron_count);
     status = number_vertices(mesh, face, surface, why);
-    free(face);
     if (status == STATUS_OK)
-        status = join_neighbours(mesh, surface, why);
+        status = join_neighbours(mesh, face, surface, why);
+    free(face);
     if (status == STATUS_OK)
         status = measure(mesh, surface, why);
     if (status)

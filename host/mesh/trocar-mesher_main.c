@@ -1,13 +1,18 @@
 /* Tetrahedra by Gmsh's C API; mesh_fill.h is the manual. Gmsh prints wherever it likes: standard output is set aside before
  * it starts. */
+#include <errno.h>
 #include <gmshc.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <signal.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "mesh_fill.h"
+#include "mesh_repair.h"
 
 enum { LINE = 1, TRIANGLE = 2, TETRAHEDRON = 4 }; /* Gmsh's element types */
 
@@ -32,13 +37,13 @@ __attribute__((noreturn)) static void fail(const char *reason)
 
 static void check(int error, const char *step)
 {
-    char line[400], *text = NULL;
+    char reason[400], *text = NULL;
     int ignored;
     if (!error)
         return;
     gmshLoggerGetLastError(&text, &ignored);
-    snprintf(line, sizeof line, "Gmsh failed while %s: %s", step, text && *text ? text : "no reason given");
-    fail(line);
+    snprintf(reason, sizeof reason, "Gmsh failed while %s: %s", step, text && *text ? text : "no reason given");
+    fail(reason);
 }
 
 static void *take(size_t count, size_t each)
@@ -175,43 +180,6 @@ static void use_size(double size)
     }
 }
 
-static void mesh_surface_input(double size)
-{
-    struct input in = read_surface();
-    int error;
-    gmshModelAdd("surface", &error);
-    check(error, "starting");
-    add_shells(&in);
-    if (size > 0) { /* patches that can be unrolled: cut along edges sharper than 40 degrees, and where needed */
-        gmshModelMeshClassifySurfaces(40 * acos(-1) / 180, 1, 1, acos(-1), 1, &error);
-        check(error, "cutting the surface into patches");
-        gmshModelMeshCreateGeometry(NULL, 0, &error);
-        check(error, "unrolling the surface");
-        use_size(size);
-    } else {
-        gmshModelMeshCreateTopology(0, 1, &error);
-        check(error, "taking the surface");
-    }
-    add_volumes(&in);
-    gmshModelMeshGenerate(3, &error);
-    check(error, "filling the surface");
-    free(in.vertices);
-    free(in.triangles);
-    free(in.shell);
-    free(in.inside);
-}
-
-static void mesh_script(double size, const char *path)
-{
-    int error;
-    gmshOpen(path, &error);
-    check(error, "reading the geometry");
-    use_size(size);
-    set("Mesh.ElementOrder", 1);
-    gmshModelMeshGenerate(3, &error);
-    check(error, "meshing the geometry");
-}
-
 /* The label of a volume is its first physical group; where there are groups, volumes without one are left out, as Gmsh does
  * when it saves. */
 static int label_of(int volume)
@@ -306,31 +274,151 @@ static struct mesh collect(void)
     return mesh;
 }
 
+/* One way to fill the surface. `angle_deg`: edges sharper than this become borders of the patches into which Gmsh cuts the
+ * surface to remesh it; 0 keeps the triangles. */
+static void fill_once(const struct input *in, double size, double angle_deg)
+{
+    int error;
+    double pi = acos(-1);
+    gmshModelAdd("surface", &error);
+    check(error, "starting");
+    add_shells(in);
+    if (angle_deg > 0) {
+        gmshModelMeshClassifySurfaces(angle_deg * pi / 180, 1, 1, pi, 1, &error);
+        check(error, "cutting the surface into patches");
+        gmshModelMeshCreateGeometry(NULL, 0, &error);
+        check(error, "unrolling the surface");
+        use_size(size);
+    } else {
+        gmshModelMeshCreateTopology(0, 1, &error);
+        check(error, "taking the surface");
+    }
+    add_volumes(in);
+    gmshModelMeshGenerate(3, &error);
+    check(error, "filling the surface");
+}
+
+static double shortest_edge(const struct mesh *mesh)
+{
+    double shortest = INFINITY;
+    for (size_t e = 0; e < mesh->tetrahedron_count; e++) {
+        double length[6];
+        tetrahedron_edges(mesh, e, length);
+        for (int i = 0; i < 6; i++)
+            shortest = fmin(shortest, length[i]);
+    }
+    return shortest;
+}
+
+static struct mesh mesh_script(double size, const char *path)
+{
+    int error;
+    gmshOpen(path, &error);
+    check(error, "reading the geometry");
+    use_size(size);
+    set("Mesh.ElementOrder", 1);
+    gmshModelMeshGenerate(3, &error);
+    check(error, "meshing the geometry");
+    return collect();
+}
+
+static void start_gmsh(void)
+{
+    int error;
+    gmshInitialize(0, NULL, 0, &error);
+    check(error, "starting");
+    set("General.Terminal", 0);
+    set("General.NumThreads", 1);
+    set("Mesh.OptimizeThreshold", 0.5); /* 0.3 by itself: slivers cost the solver digits, and time here is little */
+    gmshLoggerStart(&error);
+}
+
+static void print(const struct mesh *mesh, int file)
+{
+    FILE *stream = fdopen(file, "w");
+    if (!stream)
+        fail("no standard output");
+    mesh_print_msh(mesh, stream);
+    bool bad = ferror(stream) != 0;
+    if (fclose(stream) != 0 || bad)
+        fail("the mesh could not be written");
+}
+
+enum { GOOD = 0, FAILED = 1, TINY = 2 };
+
+/* Ends the process with one of these. */
+__attribute__((noreturn)) static void attempt(double size, double angle_deg, int file)
+{
+    static const double tiny = 0.05;
+    start_gmsh();
+    struct input in = read_surface();
+    fill_once(&in, size, angle_deg);
+    struct mesh mesh = collect();
+    print(&mesh, file);
+    _exit(angle_deg > 0 && shortest_edge(&mesh) < tiny * size ? TINY : GOOD);
+}
+
+static void copy(int from, int to)
+{
+    char block[1 << 16];
+    ssize_t n;
+    lseek(from, 0, SEEK_SET);
+    while ((n = read(from, block, sizeof block)) > 0)
+        if (write(to, block, (size_t)n) != n)
+            fail("the mesh could not be written");
+}
+
+/* Remeshing keeps sharp edges if it can (40 degrees), but on organic shapes that scatters borders, between which patches do
+ * not unroll or triangles become tiny: then fewer borders are tried, and the first mesh without tiny edges is taken, else
+ * the first mesh. Each attempt is a process, as Gmsh does not start afresh after an error. */
+static void remesh(double size, int out)
+{
+    static const double angle_deg[] = {40, 90, 180};
+    int kept = -1;
+    for (int i = 0; i < 3; i++) {
+        int file = memfd_create("attempt", MFD_CLOEXEC), ended = 0;
+        pid_t parent = getpid(), child = file < 0 || lseek(STDIN_FILENO, 0, SEEK_SET) != 0 ? -1 : fork();
+        if (child < 0)
+            fail("no attempt can be started");
+        if (child == 0) {
+            prctl(PR_SET_PDEATHSIG, SIGKILL);
+            if (getppid() == parent)
+                attempt(size, angle_deg[i], file);
+            _exit(FAILED);
+        }
+        while (waitpid(child, &ended, 0) < 0 && errno == EINTR)
+            ;
+        bool made = WIFEXITED(ended) && WEXITSTATUS(ended) != FAILED;
+        if (WIFSIGNALED(ended))
+            fprintf(stderr, "trocar-mesher: Gmsh was ended by signal %d while remeshing\n", WTERMSIG(ended));
+        if (made && (kept < 0 || WEXITSTATUS(ended) == GOOD)) {
+            kept = file;
+            if (WEXITSTATUS(ended) == GOOD)
+                break;
+        }
+    }
+    if (kept < 0)
+        _exit(FAILED); /* the last attempt has said why */
+    copy(kept, out);
+}
+
 int main(int argc, char **argv)
 {
     bool script = argc == 4 && strcmp(argv[1], "geometry") == 0;
     if (!script && !(argc == 3 && strcmp(argv[1], "surface") == 0))
         fail("usage: trocar-mesher surface SIZE < SURFACE, or trocar-mesher geometry SIZE FILE.geo");
     double size = strtod(argv[2], NULL);
-    int out = dup(STDOUT_FILENO), error;
+    int out = dup(STDOUT_FILENO);
     if (out < 0 || dup2(STDERR_FILENO, STDOUT_FILENO) < 0)
         fail("no standard output");
-    gmshInitialize(0, NULL, 0, &error);
-    check(error, "starting");
-    set("General.Terminal", 0);
-    set("General.NumThreads", 1);
-    gmshLoggerStart(&error);
-    if (script)
-        mesh_script(size, argv[3]);
-    else
-        mesh_surface_input(size);
-    struct mesh mesh = collect();
-    FILE *stream = fdopen(out, "w");
-    if (!stream)
-        fail("no standard output");
-    mesh_print_msh(&mesh, stream);
-    bool bad = ferror(stream) != 0;
-    if (fclose(stream) != 0 || bad)
-        fail("the mesh could not be written");
+    if (!script && size > 0) {
+        remesh(size, out);
+    } else if (!script) {
+        attempt(0, 0, out);
+    } else {
+        start_gmsh();
+        struct mesh mesh = mesh_script(size, argv[3]);
+        print(&mesh, out);
+    }
     _exit(0);
 }
