@@ -48,7 +48,7 @@ int bank_refusal(int status, const struct bank_view *view, const void *bytes, si
 static int read_provenance(struct bank_file *bank, struct failure *why)
 {
     const struct bank_section *s = bank_view_section(&bank->view, BANK_PROV);
-    if (!s || s->version != 1)
+    if (!s || s->version != 1 || s->length == 0)
         return STATUS_OK;
     int status = provenance_parse((const char *)bank->bytes + s->offset, s->length, bank->path, &bank->provenance, why);
     if (status)
@@ -171,6 +171,24 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
     return status;
 }
 
+/* Contact and instruments, from the scene as its text in the bank reads: what is checked later is that text, and reading
+ * may round the last bit of a number otherwise. */
+static int set_records(const char *scene_text, const char *path, double median_m_N, struct pack *pack,
+                       struct failure *why)
+{
+    struct scene *scene = malloc(sizeof *scene);
+    if (!scene)
+        return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the scene");
+    int status = scene_parse(scene_text, strlen(scene_text), path, scene, why);
+    if (!status)
+        scene_contact(scene, median_m_N, &pack->contact);
+    for (size_t i = 0; i < pack->tools && !status; i++)
+        status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
+    pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
+    free(scene);
+    return status;
+}
+
 /* From the body to the bank's bytes behind `writer`, without provenance. */
 static int write_bank(struct body *body, struct pack *pack, const char *scene_text, bool quiet,
                       struct file_writer *writer, struct build_result *result, struct failure *why)
@@ -180,10 +198,7 @@ static int write_bank(struct body *body, struct pack *pack, const char *scene_te
     if (status)
         return status;
     result->median_compliance_m_N = compliance.median_diagonal_m_N;
-    scene_contact(&body->scene, compliance.median_diagonal_m_N, &pack->contact);
-    for (size_t i = 0; i < pack->tools && !status; i++)
-        status = scene_tool(&body->scene.instrument[i], &pack->tool[i], why);
-    pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
+    status = set_records(scene_text, body->scene.path, compliance.median_diagonal_m_N, pack, why);
     if (!status)
         status = pack_write(pack, &compliance, writer, quiet, why);
     compliance_free(&compliance);

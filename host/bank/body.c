@@ -2,9 +2,10 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "bank.h"
+#include "crc.h"
+#include "progress.h"
 
 /* Element size for filling a surface is in metres in the scene, in file units for the mesher: without a unit the scale
  * follows from the surface's own extent, so it is read once at its own size first. */
@@ -91,23 +92,39 @@ static int mesh_changed(const char *path, uint32_t now, uint32_t then, struct fa
                        now, then);
 }
 
-/* First candidate whose bytes are those that the bank was built from. Parsing each is the way to its hash: TetGen's is
- * over two files. */
+/* CRC-32 of a mesh file as mesh_read forms it: of the bytes; TetGen's is over two files and comes with reading them. */
+static bool hash_mesh(const char *path, uint32_t *hash)
+{
+    struct failure ignored;
+    const char *dot = strrchr(path, '.');
+    if (dot && (!strcmp(dot, ".node") || !strcmp(dot, ".ele"))) {
+        struct mesh mesh = {0};
+        if (mesh_read(path, 0, &mesh, &ignored) != STATUS_OK)
+            return false;
+        *hash = mesh.file_hash;
+        mesh_free(&mesh);
+        return true;
+    }
+    unsigned char *bytes;
+    size_t length;
+    if (file_load(path, &bytes, &length, &ignored) != STATUS_OK)
+        return false;
+    *hash = crc32_update(0, bytes, length);
+    free(bytes);
+    return true;
+}
+
+/* First candidate whose bytes are those that the bank was built from. */
 static int find_mesh(const struct bank_file *bank, struct scene *scene, struct failure *why)
 {
     char path[2100], other[2100] = "";
-    uint32_t other_hash = 0, wanted = bank->view.header->mesh_hash;
+    uint32_t hash, other_hash = 0, wanted = bank->view.header->mesh_hash;
     if (!*bank->mesh_path)
         return failure_set(why, STATUS_FILE_OPEN, bank->path, "name the scene with --scene FILE",
                            "the bank does not say which mesh it was built from");
     for (int k = 0; candidate(bank, k, path, sizeof path); k++) {
-        struct mesh mesh = {0};
-        struct failure ignored = {0};
-        if (strlen(path) >= sizeof scene->mesh_path || access(path, R_OK) != 0 ||
-            mesh_read(path, 0, &mesh, &ignored) != STATUS_OK)
+        if (strlen(path) >= sizeof scene->mesh_path || !hash_mesh(path, &hash))
             continue;
-        uint32_t hash = mesh.file_hash;
-        mesh_free(&mesh);
         if (hash == wanted) {
             strcpy(scene->mesh_path, path);
             return STATUS_OK;

@@ -1,5 +1,6 @@
 #include "verify.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -48,6 +49,28 @@ static int rising(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+static bool near(const float *a, const float *b, int n)
+{
+    for (int k = 0; k < n; k++)
+        if (!(fabsf(a[k] - b[k]) <= 2 * FLT_EPSILON * fmaxf(1, fabsf(b[k]))))
+            return false;
+    return true;
+}
+
+/* Place and directions to two float32 roundings: they come from the scene file here, from its printed form in the bank, and the
+ * axis is made a unit vector in between. All else exactly. */
+static bool same_tool(const struct bank_tool *scene, const struct bank_tool *bank)
+{
+    struct bank_tool t = *scene;
+    if (!near(t.trocar_m, bank->trocar_m, 3) || !near(t.rotation, bank->rotation, 9) ||
+        !near(t.gravity_direction, bank->gravity_direction, 3))
+        return false;
+    memcpy(t.trocar_m, bank->trocar_m, sizeof t.trocar_m);
+    memcpy(t.gravity_direction, bank->gravity_direction, sizeof t.gravity_direction);
+    memcpy(t.rotation, bank->rotation, sizeof t.rotation);
+    return memcmp(&t, bank, sizeof t) == 0;
+}
+
 static int check_records(const struct bank_view *bank, const struct body *body, struct verify_result *result,
                          struct failure *why)
 {
@@ -83,7 +106,7 @@ static int check_records(const struct bank_view *bank, const struct body *body, 
         int status = scene_tool(&body->scene.instrument[i], &tool, why);
         if (status)
             return status;
-        if (memcmp(&tool, &bank->tools[i], sizeof tool) != 0)
+        if (!same_tool(&tool, &bank->tools[i]))
             differs(result, "the record of instrument %u is not the scene's", i);
     }
     return STATUS_OK;
