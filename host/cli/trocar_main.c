@@ -14,24 +14,12 @@ static const struct verb {
     verb_function *run;
     const char *what;
 } verbs[] = {
-#if __has_include("verb_mesh.c")
     {"mesh", verb_mesh, "read a mesh, measure it, judge whether a bank can be built from it"},
-#endif
-#if __has_include("verb_build.c")
     {"build", verb_build, "build a bank from a scene or from a mesh alone"},
-#endif
-#if __has_include("verb_info.c")
     {"info", verb_info, "print what a bank holds"},
-#endif
-#if __has_include("verb_verify.c")
     {"verify", verb_verify, "check a bank's structure, and its numbers against its scene"},
-#endif
-#if __has_include("verb_run.c")
     {"run", verb_run, "run device, controller and host on a simulated bus"},
-#endif
-#if __has_include("verb_view.c")
     {"view", verb_view, "show the organ live on a local page"},
-#endif
     {"explain", verb_explain, "say what a named or numbered status means and what to do"},
 };
 enum { VERBS = sizeof verbs / sizeof verbs[0] };

@@ -190,6 +190,37 @@ static void released_instrument_comes_to_rest(void **state)
     loop_end(&l);
 }
 
+/* Pressed on a body as hard as bone, with couplings from the recommended to far beyond what a sampled loop can render
+ * (2 b / T = 3 kN/m for this device), the held instrument comes to a standstill: no buzz, not one bit of motion. */
+static void rigid_body_does_not_make_the_loop_buzz(void **state)
+{
+    (void)state;
+    static const float stiffness_N_m[] = {500, 1000, 3000, 10000, 30000};
+    for (int n = 0; n < 5; n++) {
+        struct loop l;
+        struct bank_fixture_options bone = bank_fixture_default;
+        bone.young_Pa = 4e7;
+        loop_bank(&l, &bone);
+        struct bank_contact *contact =
+            (struct bank_contact *)(l.bank.bytes + ((const unsigned char *)l.bank.view.contact - l.bank.bytes));
+        contact->coupling_stiffness_N_m = stiffness_N_m[n];
+        loop_open(&l, &(struct session_options){.gesture = "hold"});
+        double still[3] = {0};
+        while (loop_tick(&l)) {
+            const struct device *device = session_device(l.session);
+            double time_s = session_gesture_time_s(l.session);
+            if (time_s < 2.5)
+                memcpy(still, device->joint, sizeof still);
+            else if (time_s < 3.5)
+                assert_memory_equal(still, device->joint, sizeof still);
+        }
+        loop_close(&l);
+        assert_int_equal(l.result.final_state, SAFETY_RUN);
+        assert_true(l.result.peak_force_N > 1);
+        loop_end(&l);
+    }
+}
+
 /* The force of the contact system cannot change faster than k |dx| for a motion dx of the tool (k the virtual coupling,
  * and the tissue only makes it softer), plus |F| |dx| / R as the normals turn with the surface (R the body's radius; the
  * interpolated normal of an icosphere turns at most twice as fast near a vertex as its sphere's). */
@@ -283,10 +314,15 @@ int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(run_twice_gives_the_same_torques), cmocka_unit_test(press_then_retract_returns_to_no_force),
-        cmocka_unit_test(encoder_wrap_changes_no_torque),   cmocka_unit_test(torques_do_the_work_of_the_force),
-        cmocka_unit_test(hand_and_tissue_balance_at_rest),  cmocka_unit_test(released_instrument_comes_to_rest),
-        cmocka_unit_test(sliding_force_does_not_jump),      cmocka_unit_test(driven_hand_moves_smoothly_and_returns),
+        cmocka_unit_test(run_twice_gives_the_same_torques),
+        cmocka_unit_test(press_then_retract_returns_to_no_force),
+        cmocka_unit_test(encoder_wrap_changes_no_torque),
+        cmocka_unit_test(torques_do_the_work_of_the_force),
+        cmocka_unit_test(hand_and_tissue_balance_at_rest),
+        cmocka_unit_test(released_instrument_comes_to_rest),
+        cmocka_unit_test(rigid_body_does_not_make_the_loop_buzz),
+        cmocka_unit_test(sliding_force_does_not_jump),
+        cmocka_unit_test(driven_hand_moves_smoothly_and_returns),
         cmocka_unit_test(axis_beside_the_body_is_refused),
     };
     return cmocka_run_group_tests_name("loop", tests, NULL, NULL);

@@ -1,6 +1,7 @@
 /* The loop when the bus, the device, the host or the controller's timing fail: torque stays bounded, every loss is
  * counted, doubt ends in SAFE with the force decaying to zero, and only the host's acknowledgement leads out. After every
  * tick loop_tick checks what must hold in any case. */
+#include "device_node.h"
 #include "loop_fixture.h"
 
 static const uint32_t encoders = WIRE_ENCODERS_ID + SESSION_NODE, torques = WIRE_TORQUES_ID + SESSION_NODE;
@@ -378,6 +379,34 @@ static void garbage_on_our_own_identifiers_is_bounded(void **state)
     print_message("# seeds 1..%u: %u runs ended in SAFE\n", (unsigned)seeds, safe);
 }
 
+/* The device's frames are lost and somebody else answers with its identifier, in sequence, but from 45 mm deeper than a
+ * tick before: further than its speed limit allows in the three ticks until SAFE. The jump is never rendered. */
+static void implausible_samples_end_in_safe_and_are_not_felt(void **state)
+{
+    (void)state;
+    struct loop l;
+    open_in_contact(&l);
+    struct peer p = {.bus = session_bus(l.session)};
+    p.port = bus_attach(p.bus, deaf, NULL);
+    struct device_node stranger = {.node_id = SESSION_NODE, .device = *session_device(l.session)};
+    stranger.device.joint[2] += 0.045;
+    float before = loop_force(&l);
+    only(&l, (struct bus_faults){.drop = 1}, encoders);
+    for (int t = 0; t < 8; t++) {
+        struct can_frame_t sync = {.id = WIRE_SYNC_ID, .length = WIRE_SYNC_LENGTH}, answer;
+        assert_true(device_node_receive(&stranger, &sync, &answer));
+        /* the bus drops that identifier: hand the frame to the controller's ear itself */
+        node_receive((struct node *)session_node(l.session), &answer);
+        loop_run(&l, 1);
+        assert_true(loop_force(&l) <= before);
+        assert_int_equal(loop_state(&l), t + 1 < SAFETY_IMPLAUSIBLE_TICKS ? SAFETY_RUN : SAFETY_SAFE);
+    }
+    assert_int_equal(safety(&l)->reason, STATUS_LOOP_IMPLAUSIBLE);
+    assert_true(safety(&l)->implausible >= SAFETY_IMPLAUSIBLE_TICKS);
+    loop_close(&l);
+    loop_end(&l);
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -395,6 +424,7 @@ int main(void)
         cmocka_unit_test(storms_of_faults_are_bounded),
         cmocka_unit_test(garbage_on_foreign_identifiers_disturbs_nothing),
         cmocka_unit_test(garbage_on_our_own_identifiers_is_bounded),
+        cmocka_unit_test(implausible_samples_end_in_safe_and_are_not_felt),
     };
     return cmocka_run_group_tests_name("loop faults", tests, NULL, NULL);
 }
