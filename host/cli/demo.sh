@@ -1,10 +1,11 @@
 #!/bin/sh
-# demo.sh   what `make demo` runs, from the checkout's root: build the demo organ's bank, press it with device, controller and
-# host on one bus while the page shows it, and print what came out beside an independent finite-element solve.
+# demo.sh   what `make demo` runs, from the checkout's root: build the demo organ's bank; press it, with device, controller and
+# host on one bus, while the page shows it; print what came out beside an independent finite-element solve.
 #
-# SCENE=name   another scene of host/scenes/demo (default demo), or a path to a scene file
-# GESTURE=name the hand's gesture (default tour)
-# HOLD=1       the page stays up afterwards, until Ctrl-C
+# SCENE=name    another scene of host/scenes/demo (default demo), or the path of a scene file
+# GESTURE=name  the hand's gesture (default tour)
+# PORT=number   of the page
+# HOLD=1        the page stays up afterwards, until Ctrl-C
 # Everything is written to $B/demo.
 set -eu
 build=${B:-build}
@@ -13,37 +14,64 @@ case $scene in
 */* | *.yaml) file=$scene ;;
 *) file=host/scenes/demo/$scene.yaml ;;
 esac
-name=$(basename "$file" .yaml)
 if [ ! -f "$file" ]; then
-    echo "demo: there is no scene $file; SCENE can be: $(cd host/scenes/demo && ls -- *.yaml | sed 's/\.yaml$//' | tr '\n' ' ')" >&2
+    known=$(for known in host/scenes/demo/*.yaml; do basename "$known" .yaml; done | tr '\n' ' ')
+    echo "demo: there is no scene $file; SCENE can be a path or one of: $known" >&2
     exit 2
 fi
+name=$(basename "$file" .yaml)
 out=$build/demo
 mkdir -p "$out"
 
-echo "Building the bank of $file"
-"$build/trocar" build "$file" -o "$out/$name.bank" --json >"$out/$name.build.json"
-echo "Running device, controller and host"
-"$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "${GESTURE:-tour}" --torque-log "$out/$name.log" \
-    --view ${HOLD:+--hold} --json >"$out/$name.run.json"
-
-# The first number or word behind "KEY": in a JSON file.
+# The first value behind "KEY" in a file with one JSON object.
 value()
 {
-    tr ',{' '\n\n' <"$out/$name.$1.json" | sed -n 's/^[[:space:]]*"'"$2"'"[[:space:]]*:[[:space:]]*"\{0,1\}\([^"}]*[^"}[:space:]]\).*/\1/p' |
-        head -n 1
+    tr ',{}' '\n\n\n' <"$1" | sed -n 's/^ *"'"$2"'" *: *"\{0,1\}\([^"]*[^" ]\).*/\1/p' | head -n 1
 }
+
 row()
 {
-    printf '  %-34s %s\n' "$1" "$2"
+    printf '  %-36s %s\n' "$1" "$2"
 }
-echo
-row "nodes" "$(value build nodes)"
-row "tetrahedra" "$(value build elements)"
-row "surface nodes" "$(value build surface_nodes)"
-row "bank" "$(value build bytes) bytes"
-row "built in" "$(value build seconds) s"
-row "ticks (1 ms each)" "$(value run ticks)"
-row "missed ticks" "$(value run missed)"
-row "peak force" "$(value run peak_force_N) N"
-row "controller force vs finite elements" "$(value run force_error_vs_fem) of the peak"
+
+number()
+{
+    awk -v format="$1" -v value="$2" 'BEGIN { printf format, value }'
+}
+
+# Reads the line of JSON that the run prints when it is over; with HOLD the page is still up then.
+table()
+{
+    IFS= read -r line || return 1
+    printf '%s\n' "$line" >"$out/$name.run.json"
+    b=$out/$name.build.json
+    r=$out/$name.run.json
+    echo
+    row "nodes" "$(value "$b" nodes)"
+    row "tetrahedra" "$(value "$b" elements)"
+    row "surface nodes" "$(value "$b" surface_nodes)"
+    row "bank" "$(value "$b" bytes) bytes"
+    row "built in" "$(number '%.2f s' "$(value "$b" seconds)")"
+    row "ticks of 1 ms" "$(value "$r" ticks)"
+    row "missed ticks" "$(value "$r" missed)"
+    row "peak force" "$(number '%.3f N' "$(value "$r" peak_force_N)")"
+    error=$(value "$r" force_error_vs_fem)
+    case $error in
+    '' | null) row "controller against finite elements" "not compared: $(value "$r" fem_reason)" ;;
+    *) row "controller against finite elements" "$(number '%.2e' "$error") of the peak force, at worst" ;;
+    esac
+    echo
+}
+
+echo "The bank of $file:"
+"$build/trocar" build "$file" -o "$out/$name.bank" --json >"$out/$name.build.json"
+echo "Device, controller and host:"
+trap : INT # the table and the status are for whoever ends HOLD with Ctrl-C, too
+echo 1 >"$out/status"
+{
+    status=0
+    "$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "${GESTURE:-tour}" --torque-log "$out/$name.log" \
+        --view ${PORT:+--port "$PORT"} ${HOLD:+--hold} --json || status=$?
+    echo $status >"$out/status"
+} | table || [ "$(cat "$out/status")" -ne 0 ] || exit 1
+exit "$(cat "$out/status")"
