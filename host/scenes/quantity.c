@@ -180,7 +180,7 @@ static int apply_unit(const struct decimal *number, const char *text, size_t len
                  wanted);
         return STATUS_SCENE_UNIT;
     }
-    *value = number_value(number, unit->power) * unit->times;
+    *value = number_value(number, unit->power) * unit->times + 0.0; /* + 0.0: there is one zero, not -0 */
     if (isfinite(*value))
         return STATUS_OK;
     snprintf(message, message_size, "the number is too large");

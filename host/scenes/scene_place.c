@@ -186,7 +186,7 @@ static int quality(const struct placement *p, const struct site *site, double ba
 static void place(struct scene_instrument *instrument, const struct site *site, double back)
 {
     for (int i = 0; i < 3; i++) {
-        instrument->axis[i] = site->inward[i];
+        instrument->axis[i] = site->inward[i] + 0.0; /* + 0.0: there is one zero, not -0 */
         instrument->trocar_m[i] = site->point[i] - back * site->inward[i];
     }
     instrument->placed = true;

@@ -354,7 +354,7 @@ void tree_direction(struct tree *tree, tree_node node, const char *name, double 
     /* A vector that is a unit vector already stays as it is, to the bit: a printed scene reads back the same. */
     bool unit = fabs(length - 1) < 1e-15;
     for (int i = 0; i < 3 && !tree->status; i++)
-        direction[i] = unit ? v[i] : v[i] / length;
+        direction[i] = unit ? v[i] : v[i] / length + 0.0; /* + 0.0: there is one zero, not -0 */
 }
 
 void tree_text(struct tree *tree, tree_node node, const char *name, char *text, size_t size)

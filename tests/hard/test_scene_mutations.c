@@ -24,11 +24,12 @@ static const char *const pieces[] = {
     "<<: ",      "nu: 0.5", "99999999999999999999999999999999999999",
 };
 
+/* At least as many as YAML's own count: CR, NEL (C2 85), LS and PS (E2 80 A8, A9) break lines too. */
 static size_t lines_of(const char *text, size_t length)
 {
     size_t lines = 1;
     for (size_t i = 0; i < length; i++)
-        lines += text[i] == '\n';
+        lines += strchr("\n\r\x85\xA8\xA9", text[i]) != NULL;
     return lines;
 }
 
