@@ -207,7 +207,7 @@ int scene_materials(const struct scene *scene, const struct mesh *mesh, uint8_t 
             material_of[e] = material < 0 ? 0 : (uint8_t)material;
         }
         if (material < 0)
-            return failure_at(why, STATUS_MODEL_LABEL, place_of(scene), 0, NULL,
+            return failure_at(why, STATUS_MODEL_LABEL, place_of(scene), scene->material[0].line, NULL,
                               "%zu elements with label %d%s%s%s have no material", elements, (int)label->number,
                               label->name[0] ? " '" : "", label->name, label->name[0] ? "'" : "");
     }

@@ -88,6 +88,13 @@ static const struct {
     {"liver_smooth_6267_29596.msh", 0.214},
     {"cylinder_8x30x6.msh", 0.3},
     {"torus_low_res.msh", 0.2},
+    {"sphereInCube_3899.vtk", 0.2},
+    {"Armadillo_Tetra_4406.vtu", 0.2},
+    {"Ossicles.vtu", 0.2},
+    {"liver_733.node", 0.214},
+    {"turtle-volumetric-heterogeneous.veg", 0.2},
+    {"turtle-volumetric-heterogeneous.ortho.veg", 0.2},
+    {"beam3_tet.veg", 0.2},
 };
 
 static double touch(const struct body *b, const struct scene_instrument *s, double hit[3], size_t *triangle)

@@ -176,7 +176,7 @@ static void labels_and_materials_must_meet(void **state)
         enum status status;
         const char *place, *says;
     } cases[] = {
-        {"    - {label: left, " ELASTIC, STATUS_MODEL_LABEL, "s.yaml", "1536 elements with label 2 'right'"},
+        {"    - {label: left, " ELASTIC, STATUS_MODEL_LABEL, "s.yaml:5", "1536 elements with label 2 'right'"},
         {"    - {label: all, " ELASTIC "    - {label: livr, " ELASTIC, STATUS_SCENE_VALUE, "s.yaml:6",
          "the mesh has only: 1 'left', 2 'right'"},
         {"    - {label: right, " ELASTIC "    - {label: 2, " ELASTIC "    - {label: left, " ELASTIC, STATUS_SCENE_VALUE,
