@@ -99,7 +99,8 @@ static int build(struct model *model, const struct schur *schur, const struct ta
                  struct compliance *compliance, struct failure *why)
 {
     size_t ld = 3 * compliance->rows;
-    double square = 8 * (double)ld * (double)ld, needed = square + (double)schur->bytes;
+    /* zeroed pages cost nothing until they are written, and only the lower half is */
+    double square = 4 * (double)ld * (double)ld, needed = square + (double)schur->bytes;
     double available = memory_available();
     if (available > 0 && needed > available)
         return failure_set(why, STATUS_MEMORY, model->place, NULL,

@@ -45,9 +45,12 @@ int model_constrained(struct model *model, size_t m, const uint32_t *vertex, con
                       const double *direction, double epsilon, const double *d, double *p, double *compliance,
                       struct failure *why);
 
-/* Compliance on the surface: rows are the surface vertices that are not wholly fixed, in vertex order.
- * G is n x n blocks, dense column-major 3n x 3n, lower half filled (double, malloc). Interior eliminated first, then
- * the inverse of the dense Schur complement: no solve per column. row_of[vertex] = row or UINT32_MAX. */
+/* Compliance on the surface: rows are the surface vertices that are not wholly fixed, in vertex order; a fixed component
+ * of a vertex that is partly fixed has zeros in its row and column. G is n x n blocks, dense column-major 3n x 3n, lower
+ * half filled, upper half zero (double, calloc). Interior eliminated first, then the inverse of the dense Schur complement:
+ * no solve per column. About 27 n^3 operations beside the interior's, at the speed of dgemm on OpenBLAS' threads; memory
+ * 36 n^2 bytes (72 n^2 of address space; the upper half is never touched) and the interior's factor while it runs. A tenth
+ * of a second to stop at Ctrl-C for a thousand rows, a second for three thousand. row_of[vertex] = row or UINT32_MAX. */
 struct compliance {
     size_t rows;
     double *G;                  /* 9 rows^2 */
