@@ -5,7 +5,7 @@
 'use strict';
 
 /* Tissue at rest, then a path that grows lighter: still readable in grey and for colour-blind eyes. sRGB. */
-const COLOURS = [[0, 0xa8483f], [0.2, 0xc4624a], [0.45, 0xe08a4f], [0.7, 0xf2b95f], [1, 0xfdf0a8]];
+const COLOURS = [[0, 0xa8483f], [0.2, 0xbf5b47], [0.45, 0xd97f49], [0.7, 0xeaac54], [1, 0xf8df86]];
 const FIXED_COLOUR = 0x75879a;
 const FORCE_COLOUR = 0xc2410c;
 
@@ -54,8 +54,8 @@ class Stage {
     this.buildOrgan(hello);
     this.buildInstrument(hello.tip_radius_m);
     this.buildForce();
-    this.buildLights();
     this.home();
+    this.buildLights();
   }
 
   buildOrgan(hello) {
@@ -85,7 +85,7 @@ class Stage {
   }
 
   buildInstrument(radius) {
-    const steel = new THREE.MeshStandardMaterial({color: paintOf(0xb4bcc3), roughness: 0.34, metalness: 0.35});
+    const steel = new THREE.MeshStandardMaterial({color: paintOf(0xc9d0d6), roughness: 0.32, metalness: 0.12});
     const dark = new THREE.MeshStandardMaterial({color: paintOf(0x46535e), roughness: 0.55, metalness: 0.1});
     this.tip = new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 40, 28), steel);
     this.shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.45 * radius, 0.45 * radius, 1, 32), steel);
@@ -122,12 +122,13 @@ class Stage {
 
   buildLights() {
     const {center, radius} = this.sphere;
-    const sideways = this.axes[0], forward = this.axes[1];
-    const at = (a, b, c) => center.clone().addScaledVector(this.up, a * radius).addScaledVector(sideways, b * radius).addScaledVector(forward, c * radius);
-    const sky = new THREE.HemisphereLight(0xffffff, 0xb9a49c, 0.62);
+    /* of the first view: up, to its right, towards its eye; lights stay when the camera moves */
+    const right = new THREE.Vector3().setFromMatrixColumn(this.camera.matrixWorld, 0), towards = right.clone().cross(this.up);
+    const at = (a, b, c) => center.clone().addScaledVector(this.up, a * radius).addScaledVector(right, b * radius).addScaledVector(towards, c * radius);
+    const sky = new THREE.HemisphereLight(0xffffff, 0xb9a49c, 0.56);
     sky.position.copy(this.up);
-    const key = new THREE.DirectionalLight(0xfff6ec, 0.78);
-    key.position.copy(at(3, 1.2, -1.4));
+    const key = new THREE.DirectionalLight(0xfff6ec, 0.66);
+    key.position.copy(at(3, -1.7, 0.9));
     key.target.position.copy(center);
     key.castShadow = true;
     key.shadow.mapSize.set(1024, 1024);
@@ -138,8 +139,8 @@ class Stage {
     box.right = box.top = 1.7 * radius;
     box.near = 0.2 * radius;
     box.far = 8 * radius;
-    const fill = new THREE.DirectionalLight(0xdfeaf5, 0.3);
-    fill.position.copy(at(0.6, -2, 2));
+    const fill = new THREE.DirectionalLight(0xdfeaf5, 0.22);
+    fill.position.copy(at(0.5, 2.2, 2));
     fill.target.position.copy(center);
     this.scene.add(sky, key, key.target, fill, fill.target);
 
@@ -154,7 +155,7 @@ class Stage {
     this.scene.add(table);
   }
 
-  /* From the side on which the body is longest across the picture, a little from above. */
+  /* The body's long axis across the picture, from above and from the side away from where it is held. */
   home() {
     if (!this.hello) return;
     this.resize();
@@ -167,7 +168,10 @@ class Stage {
     }
     const angle = 0.5 * Math.atan2(2 * xy, xx - yy) - 0.3; // of the long axis, turned a little for depth
     const view = new THREE.Vector3().addScaledVector(this.axes[0], Math.sin(angle)).addScaledVector(this.axes[1], -Math.cos(angle));
-    const sight = view.multiplyScalar(0.84).addScaledVector(this.up, 0.54).normalize(); // from the target to the eye
+    const held = new THREE.Vector3();
+    this.hello.fixedFlags.forEach((flag, v) => { if (flag) held.add(point.fromArray(rest, 3 * v).sub(center)); });
+    if (held.dot(view) > 0) view.negate();
+    const sight = view.multiplyScalar(0.78).addScaledVector(this.up, 0.62).normalize(); // from the target to the eye
     const right = this.up.clone().cross(sight).normalize(), above = sight.clone().cross(right);
 
     /* The nearest distance from which the body and the trocar fit; the middle of the picture is the middle of both. */
@@ -179,7 +183,7 @@ class Stage {
     };
     const target = center.clone();
     for (const axis of [right, above]) target.addScaledVector(axis, middle(axis) - target.dot(axis));
-    const slope = Math.tan(THREE.Math.degToRad(0.5 * this.camera.fov)) / 1.12;
+    const slope = Math.tan(THREE.Math.degToRad(0.5 * this.camera.fov)) / 1.08;
     let distance = radius;
     for (const corner of corners) {
       corner.sub(target);
@@ -198,6 +202,7 @@ class Stage {
     this.controls.target.copy(target);
     this.controls.addEventListener('change', () => { this.dirty = true; });
     this.controls.update();
+    this.camera.updateMatrixWorld();
     this.dirty = true;
   }
 
