@@ -10,7 +10,7 @@
   const seen = {frames: 0, first_s: 0, last_s: 0, max_mm: 0, peak_N: 0, history: []};
   const HISTORY = 20000; // points of the force kept for readers of window.trocar
   let target = null; // of the hand, trocar's frame, while this page moves it
-  let unsent = false, peaks = [], rate = {wall: 0, time: 0, text: ''};
+  let unsent = false, peaks = [], rate = {wall: 0, time: 0};
   const held = new Set();
 
   try {
@@ -186,9 +186,11 @@
     $('force').textContent = Math.hypot(...frame.force_N).toFixed(2);
     $('displacement').textContent = (1000 * (frame.max_m || 0)).toFixed(1);
     $('driven').hidden = !frame.driven;
+    /* over some seconds, because the browser itself holds messages up for parts of one */
     const now = performance.now();
-    if (now - rate.wall > 2000) {
-      if (rate.wall && now - rate.wall < 4000 && frame.time_s > rate.time) $('rate').textContent = Math.round(100000 * (frame.time_s - rate.time) / (now - rate.wall)) + ' % of real time';
+    if (now - rate.wall > 5000) {
+      const share = 1000 * (frame.time_s - rate.time) / (now - rate.wall);
+      if (rate.wall && share > 0) $('rate').textContent = Math.abs(share - 1) < 0.1 ? 'real time' : Math.round(100 * share) + ' % of real time';
       rate = {wall: now, time: frame.time_s};
     }
   }
