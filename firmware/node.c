@@ -110,7 +110,7 @@ static void send_torques(struct node *n)
         (int16_t)wire_quantise(out->torque[2], WIRE_TORQUES_INSERTION_SCALE, WIRE_TORQUES_INSERTION_BITS, true);
     struct can_frame_t *frame = enqueue(n, WIRE_TORQUES_ID + n->node_id, WIRE_TORQUES_LENGTH);
     wire_torques_pack(frame->data, &m);
-    m.crc = crc8(frame->data, 7);
+    m.crc = crc8_frame(frame->id, frame->data, 7);
     wire_torques_pack(frame->data, &m);
 }
 

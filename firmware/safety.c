@@ -33,7 +33,6 @@ void safety_doubt(struct safety *s, enum status reason)
 
 void safety_update(struct safety *s, bool fresh, bool plausible, bool overrun)
 {
-    s->since_sample++;
     if (fresh && plausible) {
         s->since_sample = 0;
         s->stale_run = s->implausible_run = 0;
@@ -49,6 +48,7 @@ void safety_update(struct safety *s, bool fresh, bool plausible, bool overrun)
         if (s->state != SAFETY_INIT)
             s->missed++;
         s->stale_run++;
+        s->since_sample++;
         s->good_run = 0;
         if (s->stale_run >= SAFETY_STALE_TICKS)
             safety_doubt(s, s->discarded_run ? STATUS_LOOP_SEQUENCE : STATUS_LOOP_STALE);

@@ -33,7 +33,7 @@ struct safety {
     int reason; /* STATUS_LOOP_* that led to SAFE; 0 otherwise */
     uint8_t sequence;
     bool sequence_known;
-    uint32_t since_sample; /* ticks since the last usable sample */
+    uint32_t since_sample; /* ticks without any sample since the last usable one; refused samples do not count */
     uint32_t good_run, stale_run, discarded_run, implausible_run, overrun_run;
     /* counters; they only rise */
     uint32_t missed; /* ticks without a usable sample */

@@ -17,7 +17,8 @@ static bool sense(struct controller *c, const struct bank_tool *tool, const stru
         safety_doubt(&c->safety, STATUS_LOOP_HOST);
     if (in->acknowledge)
         safety_acknowledge(&c->safety, coupling_settled(&c->coupling));
-    if (c->safety.stale_run >= SAFETY_STALE_TICKS) { /* the way between is not known: find wrap and contact anew */
+    if (c->safety.stale_run >= SAFETY_STALE_TICKS || c->safety.implausible_run >= SAFETY_IMPLAUSIBLE_TICKS) {
+        /* The way between is not known: find wrap and contact anew. */
         c->kinematics.started = false;
         collide_forget(&c->collide);
         contact_clear(&c->contact);

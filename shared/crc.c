@@ -18,14 +18,24 @@ uint32_t crc32_update(uint32_t crc, const void *bytes, size_t length)
     return ~crc;
 }
 
-uint8_t crc8(const void *bytes, size_t length)
+static uint8_t crc8_update(uint8_t crc, const void *bytes, size_t length)
 {
     const uint8_t *p = bytes;
-    uint8_t crc = 0xFF;
     for (size_t i = 0; i < length; i++) { /* bound: length */
         crc ^= p[i];
         for (int bit = 0; bit < 8; bit++) /* bound: 8 */
             crc = (uint8_t)((crc & 0x80) ? (crc << 1) ^ 0x2F : crc << 1);
     }
-    return (uint8_t)~crc;
+    return crc;
+}
+
+uint8_t crc8(const void *bytes, size_t length)
+{
+    return (uint8_t)~crc8_update(0xFF, bytes, length);
+}
+
+uint8_t crc8_frame(uint32_t id, const void *bytes, size_t length)
+{
+    const uint8_t head[2] = {(uint8_t)id, (uint8_t)(id >> 8)};
+    return (uint8_t)~crc8_update(crc8_update(0xFF, head, sizeof head), bytes, length);
 }

@@ -60,7 +60,8 @@ struct wire_encoders {
 void wire_encoders_pack(uint8_t data[8], const struct wire_encoders *m);
 bool wire_encoders_unpack(struct wire_encoders *m, const uint8_t *data, uint8_t length);
 
-/* Motor efforts. Sequence is that of the sample answered. Crc is CRC-8 AUTOSAR over bytes 0..6. */
+/* Motor efforts. Sequence is that of the sample answered. Crc is CRC-8 AUTOSAR over the identifier (low byte, high
+ * byte) and bytes 0..6. */
 enum { WIRE_TORQUES_ID = 0x200 /* + node */, WIRE_TORQUES_LENGTH = 8 };
 #define WIRE_TORQUES_ALPHA_SCALE     0.0001f
 #define WIRE_TORQUES_ALPHA_BITS      16

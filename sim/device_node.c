@@ -33,7 +33,7 @@ static void apply(struct device_node *node, const struct can_frame_t *frame)
     struct device *device = &node->device;
     struct wire_torques torques;
     if (!wire_torques_unpack(&torques, frame->data, frame->length) ||
-        torques.crc != crc8(frame->data, WIRE_TORQUES_LENGTH - 1)) {
+        torques.crc != crc8_frame(frame->id, frame->data, WIRE_TORQUES_LENGTH - 1)) {
         device->commands_rejected++;
         return;
     }

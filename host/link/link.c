@@ -258,7 +258,7 @@ static enum verdict receive_other(const struct can_frame_t *frame, uint32_t base
         good = wire_encoders_unpack(&encoders, frame->data, frame->length);
     } else if (base == WIRE_TORQUES_ID) {
         good = wire_torques_unpack(&torques, frame->data, frame->length) &&
-               crc8(frame->data, WIRE_TORQUES_LENGTH - 1) == torques.crc;
+               crc8_frame(frame->id, frame->data, WIRE_TORQUES_LENGTH - 1) == torques.crc;
     } else {
         return FOREIGN;
     }

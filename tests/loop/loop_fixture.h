@@ -45,7 +45,7 @@ static inline void loop_listen(void *context, const struct can_frame_t *frame, u
     (void)time_us;
     struct wire_torques t;
     if (frame->id == WIRE_TORQUES_ID + SESSION_NODE && wire_torques_unpack(&t, frame->data, frame->length) &&
-        t.crc == crc8(frame->data, 7)) {
+        t.crc == crc8_frame(frame->id, frame->data, 7)) {
         l->torques++;
         l->last = t;
         l->seen = true;

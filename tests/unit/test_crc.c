@@ -14,6 +14,7 @@ static void check_values(void **state)
     (void)state;
     assert_int_equal(crc32_update(0, "123456789", 9), 0xCBF43926);
     assert_int_equal(crc8("123456789", 9), 0xDF);
+    assert_int_equal(crc8_frame(0x3231, "3456789", 7), 0xDF);
     assert_int_equal(crc32_update(0, "", 0), 0);
 }
 
@@ -61,24 +62,25 @@ static void crc8_is_the_remainder_of_a_division(void **state)
     }
 }
 
-/* The claim of crc.h for a frame of seven bytes and its CRC: by linearity it is enough that no pattern of up to three
- * flipped bits has the CRC of no flip. */
+/* The claim of crc.h for a torque frame, its identifier's 16 bits, seven bytes and the CRC: by linearity it is enough that
+ * no pattern of up to three flipped bits has the CRC of no flip. */
 static void crc8_sees_every_error_of_up_to_three_bits_in_a_frame(void **state)
 {
     (void)state;
-    enum { BITS = 64 };
+    enum { BITS = 80 };
     const uint8_t zero[7] = {0};
-    uint8_t clean = crc8(zero, 7);
+    uint8_t clean = crc8_frame(0, zero, 7);
     for (int a = 0; a < BITS; a++)
         for (int b = a; b < BITS; b++)
             for (int c = b; c < BITS; c++) {
-                uint8_t frame[8] = {0};
+                uint8_t frame[10] = {0}; /* identifier, data, CRC */
                 int bit[3] = {a, b, c};
-                frame[7] = clean;
+                frame[9] = clean;
                 for (int k = 0; k < 3; k++) /* equal positions: fewer flips */
                     if (k == 0 || bit[k] != bit[k - 1])
                         frame[bit[k] / 8] ^= (uint8_t)(1 << bit[k] % 8);
-                assert_int_not_equal(crc8(frame, 7), frame[7]);
+                uint32_t id = frame[0] | (uint32_t)frame[1] << 8;
+                assert_int_not_equal(crc8_frame(id, frame + 2, 7), frame[9]);
             }
 }
 

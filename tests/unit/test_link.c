@@ -422,7 +422,7 @@ static void frames_of_others_are_told_apart(void **state)
                                 {.id = 0x77f, .length = 1},
                                 {.id = 0x181, .length = 8},
                                 {.id = 0x201, .length = 8}};
-    own[4].data[7] = crc8(own[4].data, 7);
+    own[4].data[7] = crc8_frame(own[4].id, own[4].data, 7);
     for (size_t i = 0; i < 5; i++)
         link_receive(&link, &own[i], 0);
     assert_int_equal(link.foreign, 6);

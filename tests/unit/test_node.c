@@ -51,7 +51,7 @@ static void a_tick_sends_sync_first_then_torque_and_at_most_two_more(void **stat
             assert_true(frame.id < 2048);
             if (after == 0) {
                 assert_int_equal(frame.id, WIRE_TORQUES_ID + 1);
-                assert_int_equal(frame.data[7], crc8(frame.data, 7));
+                assert_int_equal(frame.data[7], crc8_frame(frame.id, frame.data, 7));
             }
             seen[frame.id]++;
             after++;

@@ -107,6 +107,33 @@ static void a_silent_device_in_contact_lets_the_torque_decay_to_zero(void **stat
     bench_close(&b);
 }
 
+/* An encoder that loses counts stands somewhere else from one sample to the next. However small the jump beyond what the
+ * joint can do in a tick, it is a doubt: not one force is rendered from it. */
+static void a_lasting_jump_of_the_encoder_ends_in_safe_and_is_not_rendered(void **state)
+{
+    (void)state;
+    for (int jump_um = 12100; jump_um < 60000; jump_um += 4000) { /* speed limit 12 m/s: 12 mm in a tick */
+        struct bench b;
+        bench_open(&b, NULL);
+        bench_start(&b, 0, 0, 0.114);
+        float force = (float)length(b.node.controller.coupling.force_N);
+        assert_true(force == 0);
+        for (int i = 0; i < SAFETY_IMPLAUSIBLE_TICKS; i++) {
+            assert_int_equal(b.node.controller.safety.state, SAFETY_RUN);
+            bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
+            assert_true(length(b.node.controller.coupling.force_N) == 0);
+        }
+        assert_int_equal(b.node.controller.safety.state, SAFETY_SAFE);
+        assert_int_equal(b.node.controller.safety.reason, STATUS_LOOP_IMPLAUSIBLE);
+        for (int i = 0; i < 400; i++) /* where it stands now is believed again, after the count of good samples */
+            bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
+        bench_command(&b, 1);
+        bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
+        assert_int_equal(b.node.controller.safety.state, SAFETY_READY);
+        bench_close(&b);
+    }
+}
+
 static void sliding_over_edges_changes_the_force_smoothly(void **state)
 {
     (void)state;
@@ -196,6 +223,7 @@ int main(void)
         cmocka_unit_test(torque_frame_is_jt_of_the_rendered_force),
         cmocka_unit_test(force_rises_with_depth_and_is_gone_after_retraction),
         cmocka_unit_test(a_silent_device_in_contact_lets_the_torque_decay_to_zero),
+        cmocka_unit_test(a_lasting_jump_of_the_encoder_ends_in_safe_and_is_not_rendered),
         cmocka_unit_test(sliding_over_edges_changes_the_force_smoothly),
         cmocka_unit_test(equal_inputs_give_equal_states_bit_for_bit),
         cmocka_unit_test(badly_scaled_banks_stay_bounded),

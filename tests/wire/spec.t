@@ -134,8 +134,10 @@ def check_frame(message, block):
     owned = sum(((1 << signal.bits) - 1) << signal.start for signal in present)
     if int.from_bytes(data, "little") & ~owned:
         yield "%s: a bit that nobody owns is not 0" % lines[0]
-    if message.name == "Torques" and crc8_autosar(data[:7]) != data[7]:
-        yield "%s: the CRC is 0x%02X" % (lines[0], crc8_autosar(data[:7]))
+    identifier = int(lines[0].split("#")[0], 16)
+    torque_bytes = identifier.to_bytes(2, "little") + bytes(data[:7])
+    if message.name == "Torques" and crc8_autosar(torque_bytes) != data[7]:
+        yield "%s: the CRC is 0x%02X" % (lines[0], crc8_autosar(torque_bytes))
 
 
 def check_timing(wire):
