@@ -81,9 +81,6 @@ $(B)/obj/%.o: %.S | packages
 	$(call say,AS,$<)
 	$(Q)$(CC) -MMD -MP -c $< -o $@
 
-# Which verbs there are is asked of the preprocessor.
-$(B)/obj/host/cli/trocar_main.o: $(wildcard host/cli/verb_*.c)
-
 # The assembler includes the page as it is; it writes no dependencies.
 $(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
 
