@@ -143,7 +143,7 @@ static int measure(const struct file_writer *writer, struct body *body, bool qui
     if (status)
         status = bank_refusal(status, &view, bytes, writer->length, writer->path, why);
     else
-        status = force_error_measure(&view, body, FORCE_ERROR_TRIALS, FORCE_ERROR_SEED, error, why);
+        status = force_error_measure(&view, body, FORCE_ERROR_TRIALS, FORCE_ERROR_SEED, &bar, error, why);
     progress_end(&bar);
     munmap(bytes, writer->length);
     return status;

@@ -132,7 +132,7 @@ static int rising(const void *a, const void *b)
 }
 
 int force_error_measure(const struct bank_view *bank, struct body *body, size_t trials, uint64_t seed,
-                        struct force_error *error, struct failure *why)
+                        struct progress *bar, struct force_error *error, struct failure *why)
 {
     static const size_t patch_size[4] = {1, 3, 6, MAX_PATCH};
     double found[MAX_TRIALS];
@@ -153,6 +153,8 @@ int force_error_measure(const struct bank_view *bank, struct body *body, size_t 
         int status = compare(bank, body, &patch, &found[k], why);
         if (status)
             return status;
+        if (bar)
+            progress_show(bar, (double)(k + 1) / (double)trials);
     }
     qsort(found, trials, sizeof found[0], rising);
     error->trials = trials;

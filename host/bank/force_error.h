@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "bank.h"
+#include "progress.h"
 
 #define FORCE_ERROR_REFERENCE "direct sparse solve of the same mesh in double precision"
 
@@ -17,8 +18,8 @@ struct force_error {
     double p95, max; /* of |p - p_direct| / |p_direct| over the vector p of the contact forces of a patch */
 };
 
-/* `trials` patches of 1, 3, 6, 10 contacts in turn, drawn from `seed`; prescribed along the normals. */
+/* `trials` patches of 1, 3, 6, 10 contacts in turn, drawn from `seed`; prescribed along the normals. `bar` may be NULL. */
 int force_error_measure(const struct bank_view *bank, struct body *body, size_t trials, uint64_t seed,
-                        struct force_error *error, struct failure *why);
+                        struct progress *bar, struct force_error *error, struct failure *why);
 
 #endif

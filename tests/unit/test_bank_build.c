@@ -232,7 +232,7 @@ static void force_error_of_a_plain_bank_is_that_of_rounding(void **state)
     struct force_error error, worse;
     assert_int_equal(bank_load(bank_path, &bank, &why), STATUS_OK);
     assert_int_equal(body_open(&bank, NULL, &body, &why), STATUS_OK);
-    assert_int_equal(force_error_measure(&bank.view, &body, 40, 7, &error, &why), STATUS_OK);
+    assert_int_equal(force_error_measure(&bank.view, &body, 40, 7, NULL, &error, &why), STATUS_OK);
     assert_int_equal(error.trials, 40);
     assert_true(error.max > 0 && error.max < 2e4 * 0x1p-24);
     assert_true(error.p95 <= error.max);
@@ -240,7 +240,7 @@ static void force_error_of_a_plain_bank_is_that_of_rounding(void **state)
     float *half = (float *)(uintptr_t)bank.view.half; /* a bank that is one per cent too soft */
     for (size_t k = 0; k < 9 * (size_t)bank.view.row_count * (bank.view.row_count + 1) / 2; k++)
         half[k] *= 1.01f;
-    assert_int_equal(force_error_measure(&bank.view, &body, 40, 7, &worse, &why), STATUS_OK);
+    assert_int_equal(force_error_measure(&bank.view, &body, 40, 7, NULL, &worse, &why), STATUS_OK);
     assert_true(worse.max > 0.008 && worse.max < 0.012);
     body_close(&body);
     bank_unload(&bank);

@@ -1,0 +1,302 @@
+#!/usr/bin/env python3
+"""trocar build, info and verify from outside: output, exit codes, messages, and builds that are interrupted at seeded moments
+and leave neither a bank nor a temporary file. The body is a box of tetrahedra written here; with the shared data also a
+liver."""
+import itertools
+import json
+import os
+import pty
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+
+TROCAR = os.path.abspath(os.path.join(os.environ.get("B", "build"), "trocar"))
+DATA = os.environ.get("TROCAR_DATA", "../shared/data")
+SEED = int(os.environ.get("TROCAR_SEED", "1"))
+LONG = "TROCAR_LONG" in os.environ
+folder = tempfile.mkdtemp(prefix="trocar-bank-")
+tests = []
+results = []
+
+
+def test(function):
+    tests.append(function)
+    return function
+
+
+def run(*arguments, **more):
+    return subprocess.run([TROCAR, *arguments], cwd=folder, capture_output=True, text=True, check=False, **more)
+
+
+def expect(condition, what):
+    if not condition:
+        raise AssertionError(what)
+
+
+def expect_exit(result, code, *words):
+    expect(result.returncode == code, f"exit code {result.returncode} instead of {code}: {result.stderr}")
+    for word in words:
+        expect(word in result.stderr, f"\"{word}\" is not in: {result.stderr}")
+
+
+def write_box(name, n):
+    """A box of n x n x 2n cubes, six tetrahedra each, Gmsh 2.2."""
+    size = (n + 1, n + 1, 2 * n + 1)
+    number = lambda i, j, k: 1 + i + size[0] * (j + size[1] * k)
+    elements = []
+    for cell in itertools.product(range(n), range(n), range(2 * n)):
+        for order in itertools.permutations(range(3)):
+            at = list(cell)
+            corners = [number(*at)]
+            for axis in order:
+                at[axis] += 1
+                corners.append(number(*at))
+            elements.append(corners)
+    with open(os.path.join(folder, name), "w", encoding="ascii") as out:
+        nodes = [(i, j, k) for k in range(size[2]) for j in range(size[1]) for i in range(size[0])]
+        out.write(f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n{len(nodes)}\n")
+        for index, node in enumerate(nodes):
+            out.write("%d %d %d %d\n" % (index + 1, *node))
+        out.write(f"$EndNodes\n$Elements\n{len(elements)}\n")
+        for index, corners in enumerate(elements):
+            out.write("%d 4 2 1 1 %d %d %d %d\n" % (index + 1, *corners))
+        out.write("$EndElements\n")
+    return len(nodes), len(elements)
+
+
+@test
+def mesh_alone_prints_the_scene_that_builds_the_same_bank():
+    nodes, elements = write_box("box.msh", 3)
+    first = run("build", "box.msh", "--extent", "0.1", "-o", "a.bank", "--quiet")
+    expect_exit(first, 0)
+    with open(os.path.join(folder, "box.yaml"), "w", encoding="utf-8") as out:
+        out.write(first.stdout)
+    second = run("build", "box.yaml", "-o", "b.bank", "--json", "--quiet")
+    expect_exit(second, 0)
+    report = json.loads(second.stdout)
+    expect((report["nodes"], report["elements"]) == (nodes, elements), "counts")
+    expect(report["surface_nodes"] == nodes - 2 * 2 * 5, "surface nodes of the box")
+    expect(report["bytes"] == os.path.getsize(os.path.join(folder, "b.bank")), "bytes")
+    for key in ("seconds", "peak_rss_bytes", "median_compliance_m_N"):
+        expect(report[key] > 0, key)
+    expect(0 < report["force_error"]["p95"] <= report["force_error"]["max"] < 2e4 * 2**-24, "force error")
+    expect(report["force_error"]["reference"] and report["discretisation"], "what they are measured against")
+    info = [json.loads(run("info", name, "--json").stdout) for name in ("a.bank", "b.bank")]
+    for bank in info:
+        # the provenance has the time that the build took; nothing else may differ
+        bank.pop("bytes")
+        bank["sections"] = [s for s in bank["sections"] if s["tag"] != "PROV"]
+        for key in ("build_seconds",):
+            bank["provenance"].pop(key)
+        for section in bank["sections"]:
+            section.pop("share")
+    expect(info[0] == info[1], "the printed scene gives another bank")
+
+
+@test
+def json_keeps_stdout_for_one_object():
+    result = run("build", "box.msh", "--unit", "cm", "-o", "c.bank", "--json", "--quiet")
+    expect_exit(result, 0, "fixed:", "instruments:")
+    json.loads(result.stdout)
+
+
+@test
+def info_lists_every_section():
+    text = run("info", "a.bank").stdout
+    for tag in ("VERT", "NORM", "TRIA", "GRID", "ROWS", "GHLF", "CONT", "TOOL", "PROV"):
+        expect(f"  {tag} " in text, tag)
+    sections = json.loads(run("info", "a.bank", "--json").stdout)["sections"]
+    expect(abs(sum(s["share"] for s in sections) - 1) < 0.1, "shares")
+
+
+@test
+def verify_agrees_and_says_so():
+    result = run("verify", "a.bank", "--columns", "200", "--quiet")
+    expect_exit(result, 0)
+    expect("0 wrong" in result.stdout, result.stdout)
+    report = json.loads(run("verify", "a.bank", "--json", "--quiet").stdout)
+    expect(report["agrees"] and report["structure"] and report["body_found"] and report["columns"] == 8, str(report))
+
+
+@test
+def verify_tells_another_tissue():
+    with open(os.path.join(folder, "box.yaml"), encoding="utf-8") as given:
+        text = given.read()
+    expect("E: 4 kPa" in text, "the assumed tissue")
+    with open(os.path.join(folder, "stiff.yaml"), "w", encoding="utf-8") as out:
+        out.write(text.replace("E: 4 kPa", "E: 4.01 kPa"))
+    result = run("verify", "a.bank", "--scene", "stiff.yaml", "--json", "--quiet")
+    expect_exit(result, 12, "direct solve", "[CHECK_FAILED]")
+    expect(json.loads(result.stdout)["wrong"] > 0, "wrong entries are counted")
+
+
+@test
+def verify_tells_a_missing_from_a_changed_mesh():
+    shutil.copy(os.path.join(folder, "box.msh"), os.path.join(folder, "gone.msh"))
+    expect_exit(run("build", "gone.msh", "--extent", "0.1", "-o", "gone.bank", "--quiet"), 0)
+    with open(os.path.join(folder, "gone.msh"), "a", encoding="ascii") as out:
+        out.write("\n")
+    expect_exit(run("verify", "gone.bank", "--quiet"), 12, "the mesh has changed", "gone.msh")
+    os.remove(os.path.join(folder, "gone.msh"))
+    result = run("verify", "gone.bank", "--quiet")
+    expect_exit(result, 3, "not found", "gone.msh", "--scene")
+    expect("structure" in result.stdout, "the structure was good all the same")
+
+
+@test
+def damaged_banks_end_with_exit_code_6():
+    with open(os.path.join(folder, "a.bank"), "rb") as given:
+        good = given.read()
+    for name, damaged, words in (
+            ("cut", good[:-16], ["cut short", "BANK_LENGTH"]),
+            ("bit", good[:5000] + bytes([good[5000] ^ 1]) + good[5001:], ["a bit has changed", "BANK_CRC"]),
+            ("new", good[:4] + b"\x09" + good[5:], ["version 9", "upgrade", "BANK_VERSION"]),
+            ("text", b"$MeshFormat\n2.2 0 8\n", ["BANK_MAGIC"]),
+            ("empty", b"", ["BANK_LENGTH"])):
+        with open(os.path.join(folder, "bad.bank"), "wb") as out:
+            out.write(damaged)
+        for verb in ("info", "verify"):
+            result = run(verb, "bad.bank")
+            expect_exit(result, 6, *words)
+            expect(result.stderr.count("\n") == 1, f"{name}: one line")
+
+
+@test
+def wrong_command_lines_end_with_exit_code_2():
+    for arguments in (["build"], ["build", "box.msh", "--extent", "0.1"], ["build", "box.msh", "-o"],
+                      ["build", "box.msh", "--extent", "-1", "-o", "x.bank"], ["build", "box.msh", "--unit", "inch", "-o", "x.bank"],
+                      ["build", "box.msh", "--extent", "1", "--unit", "m", "-o", "x.bank"],
+                      ["build", "box.yaml", "--extent", "1", "-o", "x.bank"], ["build", "a", "b", "-o", "x.bank"],
+                      ["build", "--nonsense"], ["info"], ["info", "a.bank", "b.bank"], ["info", "--x"],
+                      ["verify"], ["verify", "a.bank", "--columns", "0"], ["verify", "a.bank", "--seed", "x"]):
+        result = run(*arguments)
+        expect_exit(result, 2, "[USAGE]")
+        expect(result.stderr.count("\n") == 1, f"one line: {result.stderr}")
+        expect(not os.path.exists(os.path.join(folder, "x.bank")), "a file appeared")
+    for verb in ("build", "info", "verify"):
+        result = run(verb, "--help")
+        expect(result.returncode == 0 and result.stdout.startswith("usage: trocar " + verb), verb)
+
+
+@test
+def a_length_unit_is_asked_for():
+    expect_exit(run("build", "box.msh", "-o", "x.bank"), 4, "--extent METRES", "[MESH_SIZE]")
+
+
+@test
+def what_cannot_be_written_is_refused_first():
+    for place in (".", "/dev/null", "no/such/folder/x.bank"):
+        expect_exit(run("build", "box.msh", "--extent", "0.1", "-o", place), 3, "[FILE_WRITE]")
+
+
+def interrupt(arguments, out, after_lines, number):
+    """Build, count lines of progress on stderr, then send the signal: a moment that follows the work, not the clock."""
+    before = set(os.listdir(folder))
+    process = subprocess.Popen([TROCAR, *arguments, "-o", out], cwd=folder, stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True)
+    for _ in range(after_lines):
+        if not process.stderr.readline():
+            break
+    process.send_signal(number)
+    message = process.stderr.read()
+    process.stdout.read()
+    code = process.wait()
+    left = set(os.listdir(folder)) - before
+    if code == 0:  # it had ended before the signal came
+        expect(left == {out}, f"left behind: {left}")
+        os.remove(os.path.join(folder, out))
+        return False
+    expect(code == 130, f"exit code {code} after line {after_lines}: {message}")
+    expect("[INTERRUPTED]" in message, message)
+    expect(not left, f"left behind after line {after_lines}: {left}")
+    return True
+
+
+@test
+def interrupted_builds_leave_nothing():
+    write_box("larger.msh", 8)
+    draw = random.Random(SEED)
+    print(f"# seed {SEED}")
+    moments = [1, 2, 12, 13, 23] + [draw.randrange(1, 33) for _ in range(60 if LONG else 5)]
+    stopped = 0
+    for moment in moments:
+        number = draw.choice([signal.SIGINT, signal.SIGTERM])
+        stopped += interrupt(["build", "larger.msh", "--extent", "0.2"], "int.bank", moment, number)
+    print(f"# {stopped} of {len(moments)} builds were stopped")
+    expect(stopped > len(moments) // 3, "the signals came too late to show anything")
+
+
+@test
+def interrupted_build_keeps_the_old_bank():
+    shutil.copy(os.path.join(folder, "a.bank"), os.path.join(folder, "old.bank"))
+    with open(os.path.join(folder, "old.bank"), "rb") as given:
+        old = given.read()
+    process = subprocess.Popen([TROCAR, "build", "larger.msh", "--extent", "0.2", "-o", "old.bank"], cwd=folder,
+                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    process.stderr.readline()
+    process.kill()  # not even this leaves a temporary file
+    process.stderr.read()
+    process.wait()
+    with open(os.path.join(folder, "old.bank"), "rb") as given:
+        expect(given.read() == old, "the old bank has changed")
+    if sys.platform == "linux":
+        expect(not [name for name in os.listdir(folder) if name.endswith(".tmp")], "a temporary file is left")
+
+
+@test
+def a_terminal_sees_a_bar_with_the_time_left():
+    controller, terminal = pty.openpty()
+    process = subprocess.Popen([TROCAR, "build", "larger.msh", "--extent", "0.2", "-o", "bar.bank"], cwd=folder,
+                               stdout=subprocess.DEVNULL, stderr=terminal)
+    os.close(terminal)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(controller, 4096)
+        except OSError:  # Linux ends a terminal without writers so
+            break
+        if not piece:
+            break
+        shown += piece
+    os.close(controller)
+    expect(process.wait() == 0, shown.decode())
+    lines = shown.decode().replace("\r\n", "\n").split("\r")
+    bars = [line for line in lines if re.search(r"\[#* *\] +\d+ % .* s left", line)]
+    expect(len(bars) > 20, f"{len(bars)} states of the bar")
+    for what in ("compliance", "writing the bank", "measuring the bank"):
+        ours = [line for line in bars if line.startswith(what)]
+        expect(ours and "100 %" in ours[-1], f"{what} does not end at 100 %")
+
+
+@test
+def liver_builds_and_agrees():
+    mesh = os.path.abspath(os.path.join(DATA, "liver_smooth_1665_6691.msh"))
+    if not os.path.exists(mesh):
+        return f"SKIP no {mesh}; set TROCAR_DATA"
+    result = run("build", mesh, "--extent", "0.214", "-o", "liver.bank", "--json", "--quiet")
+    expect_exit(result, 0)
+    report = json.loads(result.stdout)
+    expect((report["nodes"], report["elements"], report["surface_nodes"]) == (1665, 6691, 1084), "counts")
+    expect_exit(run("verify", "liver.bank", "--columns", "3", "--quiet"), 0)
+    return None
+
+
+print(f"1..{len(tests)}")
+for index, function in enumerate(tests, 1):
+    name = function.__name__.replace("_", " ")
+    try:
+        note = function()
+        print(f"ok {index} - {name}" + (f" # {note}" if note else ""))
+        results.append(True)
+    except Exception as error:  # pylint: disable=broad-except
+        print(f"not ok {index} - {name}")
+        for line in str(error).splitlines() or [type(error).__name__]:
+            print("#", line)
+        results.append(False)
+    sys.stdout.flush()
+shutil.rmtree(folder)
+sys.exit(0 if all(results) else 1)
