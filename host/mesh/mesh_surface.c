@@ -112,8 +112,10 @@ static uint64_t walk_wedge(const struct mesh *mesh, const struct face *face, siz
         const uint32_t *corner = mesh->tetrahedra + 4 * (size_t)element;
         int next =
             0; /* leave by the other face at the edge: opposite the corner that the entered face has off the edge */
-        while (corner[next] == low || corner[next] == high || corner[next] == opposite_node)
+        while (next < 4 && (corner[next] == low || corner[next] == high || corner[next] == opposite_node))
             next++;
+        if (next == 4) /* an element with a corner twice */
+            break;
         uint32_t beyond = across(face, count, element, next, corner);
         if (beyond == UINT32_MAX)
             return 4 * (uint64_t)element + (uint64_t)next;

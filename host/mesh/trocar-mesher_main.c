@@ -271,6 +271,10 @@ static struct mesh collect(void)
     if (mesh.tetrahedron_count == 0)
         fail("Gmsh made no tetrahedron: the geometry has no volume");
     free(place);
+    struct mesh_report ignored = {0};
+    struct failure why;
+    if (mesh_repair(&mesh, &ignored, &why) != 0) /* nodes of curves and points that belong to no volume */
+        fail(why.cause);
     return mesh;
 }
 
