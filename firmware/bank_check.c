@@ -3,6 +3,9 @@
 #include <float.h>
 #include <stdbool.h>
 
+#include "row_code.h"
+#include "row.h"
+
 enum { ROW_WINDOW = 8192 }; /* rows whose "seen" bits are held at a time: 1 KiB of stack */
 
 static const float unit_tolerance =
@@ -200,7 +203,7 @@ static int check_rows(struct bank_view *view)
 
 /* A positive semidefinite matrix has no entry larger than its largest diagonal entry. A component that is fixed leaves
  * a zero on the diagonal, so zero is allowed, but not three of them. */
-static int check_compliance(struct bank_view *view)
+static int check_half(struct bank_view *view)
 {
     float largest = 0;
     for (uint32_t i = 0; i < view->row_count; i++) { /* bound: BANK_MAX_VERTICES */
@@ -230,6 +233,77 @@ static int check_compliance(struct bank_view *view)
                 return fault(view, STATUS_BANK_NONFINITE, BANK_GHLF, i);
     }
     return STATUS_OK;
+}
+
+/* Levels in rising order from row 0, each finer than the one before; cumulative frequencies from 0 to 2^12. */
+static bool factor_tables_good(const struct bank_factor_view *f)
+{
+    uint32_t levels = f->header->levels, classes = f->header->classes;
+    bool good = positive(f->header->step) && f->header->max_blocks >= 1 && f->header->max_blocks <= f->rows &&
+                !f->header->reserved[0] && !f->header->reserved[1] && f->level_first[0] == 0;
+    for (uint32_t l = 0; l < levels; l++) /* bound: BANK_FACTOR_LEVELS */
+        good = good && f->level_log[l] < 64 && f->level_first[l] < f->rows &&
+               (l == 0 || f->level_first[l] > f->level_first[l - 1]);
+    for (uint32_t c = 0; c < classes; c++) /* bound: BANK_FACTOR_CLASSES */
+        good = good && f->significant[c] >= 1 && f->significant[c] < ROW_SLOTS;
+    for (uint32_t c = 0; c <= classes; c++) { /* bound: BANK_FACTOR_CLASSES + 1 */
+        good = good && f->multiple[c] >= 1 && f->multiple[c] <= INT16_MAX;
+        for (uint32_t kind = 0; kind < 2; kind++) { /* bound: 2 */
+            const uint16_t *table = row_table(f, c, kind);
+            good = good && table[0] == 0 && table[BANK_FACTOR_SYMBOLS] == ROW_SLOTS;
+            for (uint32_t s = 0; s < BANK_FACTOR_SYMBOLS; s++) /* bound: BANK_FACTOR_SYMBOLS */
+                good = good && table[s] <= table[s + 1];
+        }
+    }
+    return good;
+}
+
+/* The code of every row lies behind that of the row before, and there are no words between. */
+static int check_directory(struct bank_view *view)
+{
+    const struct bank_factor_view *f = &view->factor;
+    uint32_t end = 0;
+    for (uint32_t i = 0; i < f->rows; i++) { /* bound: BANK_MAX_VERTICES */
+        uint32_t start = row_code_start(f, i), next = row_code_start(f, i + 1);
+        if (start != end || next > f->words || next < start || next - start < 2)
+            return fault(view, STATUS_BANK_INDEX, BANK_FACT, i);
+        end = next;
+    }
+    for (uint32_t k = 0; k < 3 * f->rows; k++) /* bound: 3 BANK_MAX_VERTICES */
+        if (f->place[k] > INT16_MAX)
+            return fault(view, STATUS_BANK_INDEX, BANK_FACT, k / 3);
+    return end == f->words ? STATUS_OK : fault(view, STATUS_BANK_LENGTH, BANK_FACT, f->rows);
+}
+
+/* Every row decodes to its last word, into no more blocks than promised, and the sums of squares of its three scalar rows
+ * stay below 2^31: by Cauchy and Schwarz then every product of two rows does, as does every partial sum. */
+static int check_factor_row(struct bank_view *view, uint32_t row)
+{
+    struct row_reader reader;
+    struct row_block block = {0};
+    uint64_t squares[3] = {0, 0, 0};
+    uint32_t count = 0;
+    row_start(&reader, view, row);
+    while (row_next(&reader, &block)) { /* bound: row + 1 */
+        count++;
+        for (int k = 0; k < 9; k++) /* bound: 9 */
+            squares[k / 3] += (uint64_t)((int32_t)block.value[k] * block.value[k]);
+    }
+    bool good = !reader.damaged && reader.state == ROW_STATE_LOW && reader.next == reader.end &&
+                count <= view->factor.header->max_blocks && squares[0] + squares[1] + squares[2] > 0;
+    for (int a = 0; a < 3; a++) /* bound: 3; a column of a block that is not on the diagonal of Q is below it */
+        good = good && squares[a] < 0x80000000u;
+    return good ? STATUS_OK : fault(view, STATUS_BANK_INDEX, BANK_FACT, row);
+}
+
+static int check_factor(struct bank_view *view)
+{
+    if (!factor_tables_good(&view->factor))
+        return fault(view, STATUS_BANK_INDEX, BANK_FACT, 0);
+    int status = check_directory(view);
+    for (uint32_t i = 0; i < view->row_count && !status; i++) /* bound: BANK_MAX_VERTICES */
+        status = check_factor_row(view, i);
+    return status;
 }
 
 static int check_contact(struct bank_view *view)
@@ -298,7 +372,7 @@ int bank_check_contents(struct bank_view *view)
     if (!status)
         status = check_rows(view);
     if (!status)
-        status = check_compliance(view);
+        status = view->half ? check_half(view) : check_factor(view);
     if (!status)
         status = check_contact(view);
     if (!status)

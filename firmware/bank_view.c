@@ -4,15 +4,17 @@
 
 #include "bank_check.h"
 #include "crc.h"
+#include "row.h"
 #include "tick.h" /* FIRMWARE_ABI */
 
-static const uint32_t required_tags[] = {BANK_VERT, BANK_NORM, BANK_TRIA, BANK_GRID,
-                                         BANK_ROWS, BANK_GHLF, BANK_CONT, BANK_TOOL};
-enum { REQUIRED_TAGS = sizeof required_tags / sizeof required_tags[0] };
+static const uint32_t required_tags[] = {BANK_VERT, BANK_NORM, BANK_TRIA, BANK_GRID, BANK_ROWS,
+                                         BANK_CONT, BANK_TOOL, BANK_GHLF, BANK_FACT};
+/* GHLF or FACT, the last two, is enough */
+enum { KNOWN_TAGS = sizeof required_tags / sizeof required_tags[0], HALF = KNOWN_TAGS - 2, FACTOR = KNOWN_TAGS - 1 };
 
 static bool is_required_tag(uint32_t tag)
 {
-    for (uint32_t k = 0; k < REQUIRED_TAGS; k++) /* bound: REQUIRED_TAGS */
+    for (uint32_t k = 0; k < KNOWN_TAGS; k++) /* bound: KNOWN_TAGS */
         if (required_tags[k] == tag)
             return true;
     return false;
@@ -116,10 +118,11 @@ static bool sized(const struct bank_section *s, uint32_t low, uint32_t high, uin
     return s->count >= low && s->count <= high && s->length == s->count * record_bytes;
 }
 
-static int check_sizes(struct bank_view *view, const struct bank_section *const found[REQUIRED_TAGS])
+static int check_sizes(struct bank_view *view, const struct bank_section *const found[KNOWN_TAGS])
 {
     const struct bank_section *vert = found[0], *norm = found[1], *tria = found[2], *grid = found[3];
-    const struct bank_section *rows = found[4], *half = found[5], *cont = found[6], *tool = found[7];
+    const struct bank_section *rows = found[4], *cont = found[5], *tool = found[6];
+    const struct bank_section *half = found[HALF], *factor = found[FACTOR];
     const struct bank_section *bad = NULL;
     uint64_t block_bytes = 9 * sizeof(float);
     if (!sized(vert, 4, BANK_MAX_VERTICES, 3 * sizeof(float)))
@@ -130,9 +133,12 @@ static int check_sizes(struct bank_view *view, const struct bank_section *const 
         bad = tria;
     else if (!sized(rows, vert->count, vert->count, sizeof(uint16_t)))
         bad = rows;
-    else if (half->count < 1 || half->count > vert->count ||
-             half->length != block_bytes * half->count * ((uint64_t)half->count + 1) / 2)
+    else if (half && (half->count < 1 || half->count > vert->count ||
+                      half->length != block_bytes * half->count * ((uint64_t)half->count + 1) / 2))
         bad = half;
+    else if (factor && (factor->count < 1 || factor->count > vert->count ||
+                        factor->length < sizeof(struct bank_factor) || factor->length % 2))
+        bad = factor;
     else if (!sized(cont, 1, 1, sizeof(struct bank_contact)))
         bad = cont;
     else if (!sized(tool, 1, BANK_MAX_INSTRUMENTS, sizeof(struct bank_tool)))
@@ -160,6 +166,31 @@ static int check_grid_size(struct bank_view *view, const struct bank_section *se
     return STATUS_OK;
 }
 
+/* The arrays of FACT one behind the other; what is left is code. */
+static int take_factor(struct bank_view *view, const struct bank_section *section, const char *bytes)
+{
+    struct bank_factor_view *f = &view->factor;
+    f->header = (const struct bank_factor *)bytes;
+    f->rows = section->count;
+    uint32_t levels = f->header->levels, classes = f->header->classes, n = f->rows;
+    if (levels < 1 || levels > BANK_FACTOR_LEVELS || classes < 1 || classes > BANK_FACTOR_CLASSES)
+        return fault(view, STATUS_BANK_INDEX, BANK_FACT, 0);
+    f->level_first = (const uint16_t *)(f->header + 1);
+    f->level_log = f->level_first + levels;
+    f->significant = f->level_log + levels;
+    f->multiple = f->significant + classes;
+    f->cumulative = f->multiple + classes + 1;
+    f->place = f->cumulative + 2 * (classes + 1) * (BANK_FACTOR_SYMBOLS + 1);
+    f->base = f->place + 3 * n;
+    f->offset = f->base + 2 * (n / 32 + 1);
+    f->code = f->offset + n + 1;
+    uint32_t before = (uint32_t)((const char *)f->code - bytes);
+    if (section->length < before)
+        return fault(view, STATUS_BANK_LENGTH, BANK_FACT, 0);
+    f->words = (section->length - before) / 2;
+    return STATUS_OK;
+}
+
 int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
 {
     *view = (struct bank_view){0};
@@ -174,12 +205,16 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
 
     view->header = h;
     view->sections = (const struct bank_section *)(h + 1);
-    const struct bank_section *found[REQUIRED_TAGS];
-    for (uint32_t k = 0; k < REQUIRED_TAGS; k++) { /* bound: REQUIRED_TAGS */
+    const struct bank_section *found[KNOWN_TAGS];
+    for (uint32_t k = 0; k < KNOWN_TAGS; k++) { /* bound: KNOWN_TAGS */
         found[k] = bank_view_section(view, required_tags[k]);
-        if (!found[k])
+        if (!found[k] && k < HALF)
             return fault(view, STATUS_BANK_MISSING, required_tags[k], 0);
     }
+    if (!found[HALF] && !found[FACTOR])
+        return fault(view, STATUS_BANK_MISSING, BANK_FACT, 0);
+    if (found[HALF] && found[FACTOR])
+        return fault(view, STATUS_BANK_SECTION, BANK_FACT, 0);
     status = check_sizes(view, found);
     if (status)
         return status;
@@ -191,8 +226,8 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
 
     view->vertex_count = found[0]->count;
     view->triangle_count = found[2]->count;
-    view->row_count = found[5]->count;
-    view->tool_count = found[7]->count;
+    view->row_count = found[HALF] ? found[HALF]->count : found[FACTOR]->count;
+    view->tool_count = found[6]->count;
     view->positions = (const float *)(base + found[0]->offset);
     view->normals = (const float *)(base + found[1]->offset);
     view->triangles = (const struct bank_triangle *)(base + found[2]->offset);
@@ -200,9 +235,15 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
     view->cell_start = (const uint32_t *)(grid + 1);
     view->cell_triangle = (const uint16_t *)(view->cell_start + found[3]->count + 1);
     view->row_of = (const uint16_t *)(base + found[4]->offset);
-    view->half = (const float *)(base + found[5]->offset);
-    view->contact = (const struct bank_contact *)(base + found[6]->offset);
-    view->tools = (const struct bank_tool *)(base + found[7]->offset);
+    view->contact = (const struct bank_contact *)(base + found[5]->offset);
+    view->tools = (const struct bank_tool *)(base + found[6]->offset);
+    if (found[HALF])
+        view->half = (const float *)(base + found[HALF]->offset);
+    else {
+        status = take_factor(view, found[FACTOR], base + found[FACTOR]->offset);
+        if (status)
+            return status;
+    }
     status = bank_check_contents(view);
     if (status)
         return fault(view, status, view->fault_tag, view->fault_record);
@@ -217,8 +258,36 @@ const struct bank_section *bank_view_section(const struct bank_view *view, uint3
     return NULL;
 }
 
+/* Both rows are read side by side, a block at a time, so that neither needs memory. */
+static void factor_compliance(const struct bank_view *view, uint32_t i, uint32_t j, float out[9])
+{
+    struct row_reader left, right;
+    struct row_block l = {0}, r = {0};
+    int32_t sum[9], total[9] = {0};
+    row_start(&left, view, i);
+    row_start(&right, view, j);
+    bool more_left = row_next(&left, &l), more_right = row_next(&right, &r);
+    while (more_left && more_right) { /* bound: blocks of both rows */
+        bool step_left = l.column <= r.column, step_right = r.column <= l.column;
+        row_dot(&l, 1, &r, 1, sum);
+        for (int k = 0; k < 9; k++) /* bound: 9 */
+            total[k] += sum[k];
+        if (step_left)
+            more_left = row_next(&left, &l);
+        if (step_right)
+            more_right = row_next(&right, &r);
+    }
+    float step2 = view->factor.header->step * view->factor.header->step;
+    for (int k = 0; k < 9; k++) /* bound: 9 */
+        out[k] = step2 * (float)total[k];
+}
+
 void bank_view_compliance(const struct bank_view *view, uint32_t i, uint32_t j, float block[9])
 {
+    if (!view->half) {
+        factor_compliance(view, i, j, block);
+        return;
+    }
     uint32_t high = i > j ? i : j, low = i > j ? j : i;
     const float *stored = view->half + 9 * ((size_t)high * (high + 1) / 2 + low);
     for (int a = 0; a < 3; a++)     /* bound: 3 */

@@ -11,6 +11,14 @@
 #include "bank_format.h"
 #include "status.h"
 
+/* Section FACT taken apart: see bank_format.h. Rows are read by row.h. */
+struct bank_factor_view {
+    const struct bank_factor *header;
+    uint32_t rows;
+    const uint16_t *level_first, *level_log, *significant, *multiple, *cumulative, *place, *base, *offset, *code;
+    uint32_t words; /* of code */
+};
+
 struct bank_view {
     const struct bank_header *header;
     const struct bank_section *sections;
@@ -22,7 +30,8 @@ struct bank_view {
     const uint32_t *cell_start;
     const uint16_t *cell_triangle;
     const uint16_t *row_of; /* per vertex; BANK_NONE when fixed */
-    const float *half;      /* GHLF */
+    const float *half;      /* GHLF; NULL when the bank holds FACT */
+    struct bank_factor_view factor;
     const struct bank_contact *contact;
     const struct bank_tool *tools;
     uint32_t fault_tag;    /* after a refusal: the section at fault, 0 for the header or table */
@@ -44,7 +53,8 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length);
 /* Section by tag, NULL when absent; its bytes start at (const char *)view->header + section->offset. */
 const struct bank_section *bank_view_section(const struct bank_view *view, uint32_t tag);
 
-/* Compliance block G_ij (row-major 3x3, m/N) between rows i and j, either order. */
+/* Compliance block G_ij (row-major 3x3, m/N) between rows i and j, either order. From FACT this decodes both rows: for the
+ * host and for tests. */
 void bank_view_compliance(const struct bank_view *view, uint32_t i, uint32_t j, float block[9]);
 
 #endif

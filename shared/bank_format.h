@@ -98,11 +98,46 @@ struct bank_grid {
  */
 #define BANK_ROWS BANK_TAG('R', 'O', 'W', 'S')
 
-/* GHLF, required unless another compliance section is present: the compliance (Green's function) on the surface, plain.
+/* GHLF, required unless FACT is present: the compliance (Green's function) on the surface, plain.
  * count = rows n. Lower half by rows: row i holds the blocks (i,0) .. (i,i), each 3x3 row-major float32, m/N; block
  * (i,j) starts at float 9 (i (i+1)/2 + j). Block (j,i) is the transpose of (i,j). Component a of the displacement of
  * row i under a force F on row j is sum_b G[i][j][a][b] F_b. */
 #define BANK_GHLF BANK_TAG('G', 'H', 'L', 'F')
+
+/* FACT, required unless GHLF is present (exactly one of the two is): the compliance as the square of a rounded factor.
+ * count = rows n, in an order from coarse to fine. G = step^2 Q Q^t, where Q is a lower triangle of 3x3 blocks of int16,
+ * most of them zero. A product of a matrix with its own transpose is positive semidefinite whatever Q holds, so no step
+ * and no code can make a contact system indefinite.
+ *
+ *   struct bank_factor | uint16 words: level_first[levels], level_log[levels], significant[classes], multiple[classes + 1],
+ *   cumulative[2 (classes + 1)][BANK_FACTOR_SYMBOLS + 1], place[n][3], base[n / 32 + 1][2], offset[n + 1], code
+ *
+ * place: integer coordinates of the row's vertex, 0 .. 32767, one unit for the three axes. The rows of one level,
+ * level_first[l] .. level_first[l+1] - 1, keep about one distance from the coarser ones; level_log is the ilog() of its
+ * square. Column j of row i has the class ilog(|place_i - place_j|^2) - level_log[level of j], at least 0; from `classes`
+ * on its block is zero and takes no code. ilog(x) = 2 e + b, e the highest set bit of x and b the bit below; 0 for x < 2.
+ *
+ * Code of row i: words base[i / 32] (low, high) + offset[i] up to the next row's; an rANS stream (32 bit state, first two
+ * words, low first; renormalised by a word when below 2^16; frequencies of 12 bits; it ends with the state 2^16). For each
+ * column j < i that has a class c below `classes`: one bit "not zero" of probability significant[c] / 4096, then nine
+ * values, row-major; at j = i the lower triangle, six values, always there. A value is a symbol s of the table 2 c for
+ * the block's diagonal, 2 c + 1 beside it (c = classes for j = i), then plain bits: s < 4: |v| = s; else e = s/2,
+ * |v| = 2^e + (s mod 2) 2^(e-1) + the next e - 1 bits; then, unless v = 0, the sign (1: negative). The entry of Q is
+ * v * multiple[c]. */
+#define BANK_FACT BANK_TAG('F', 'A', 'C', 'T')
+enum {
+    BANK_FACTOR_LEVELS = 32,
+    BANK_FACTOR_CLASSES = 48,
+    BANK_FACTOR_SYMBOLS = 30,
+    BANK_FACTOR_BITS = 12 /* of a frequency */
+};
+struct bank_factor {
+    float step;          /* (m/N)^(1/2) */
+    uint16_t max_blocks; /* of the longest row */
+    uint8_t levels;      /* 1 .. BANK_FACTOR_LEVELS */
+    uint8_t classes;     /* 1 .. BANK_FACTOR_CLASSES */
+    uint32_t reserved[2];
+};
 
 /* CONT, required, count = 1: how contact is rendered. */
 #define BANK_CONT BANK_TAG('C', 'O', 'N', 'T')
@@ -149,6 +184,7 @@ struct bank_tool {
 _Static_assert(sizeof(struct bank_header) == 64, "layout of the bank header");
 _Static_assert(sizeof(struct bank_section) == 32, "layout of a section entry");
 _Static_assert(sizeof(struct bank_triangle) == 12, "layout of a triangle");
+_Static_assert(sizeof(struct bank_factor) == 16, "layout of the factor header");
 _Static_assert(sizeof(struct bank_grid) == 32, "layout of the grid header");
 _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record");
 _Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");

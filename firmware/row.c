@@ -1,0 +1,150 @@
+#include "row.h"
+
+#include "row_code.h"
+
+uint32_t row_max_blocks(const struct bank_view *bank)
+{
+    return bank->half ? 0 : bank->factor.header->max_blocks;
+}
+
+static void refill(struct row_reader *r)
+{
+    if (r->state >= ROW_STATE_LOW)
+        return;
+    uint32_t word = 0;
+    if (r->next < r->end)
+        word = *r->next++;
+    else
+        r->damaged = true;
+    r->state = r->state << 16 | word;
+}
+
+static uint32_t plain_bits(struct row_reader *r, uint32_t count)
+{
+    uint32_t bits = r->state & ((1u << count) - 1u);
+    r->state >>= count;
+    refill(r);
+    return bits;
+}
+
+static bool not_zero(struct row_reader *r, uint32_t probability)
+{
+    uint32_t slot = r->state & ROW_SLOT_MASK, rest = r->state >> BANK_FACTOR_BITS;
+    bool is = slot < probability;
+    r->state = is ? probability * rest + slot : (ROW_SLOTS - probability) * rest + slot - probability;
+    refill(r);
+    return is;
+}
+
+static int16_t value(struct row_reader *r, const uint16_t *cumulative, uint32_t multiple)
+{
+    uint32_t slot = r->state & ROW_SLOT_MASK, s = 0;
+    while (cumulative[s + 1] <= slot) /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
+        s++;
+    r->state = (uint32_t)(cumulative[s + 1] - cumulative[s]) * (r->state >> BANK_FACTOR_BITS) + slot - cumulative[s];
+    refill(r);
+    if (s == 0)
+        return 0;
+    uint32_t magnitude = s;
+    if (s >= 4) {
+        uint32_t e = s / 2;
+        magnitude = (2u + s % 2u) << (e - 1u) | plain_bits(r, e - 1u);
+    }
+    magnitude *= multiple;
+    if (magnitude > INT16_MAX) {
+        r->damaged = true;
+        magnitude = INT16_MAX;
+    }
+    return (int16_t)(plain_bits(r, 1) ? -(int32_t)magnitude : (int32_t)magnitude);
+}
+
+void row_start(struct row_reader *r, const struct bank_view *bank, uint32_t row)
+{
+    const struct bank_factor_view *f = &bank->factor;
+    *r = (struct row_reader){.factor = f, .row = row};
+    r->next = f->code + row_code_start(f, row);
+    r->end = f->code + row_code_start(f, row + 1);
+    r->state = r->next[0] | (uint32_t)r->next[1] << 16;
+    r->next += 2;
+}
+
+static void diagonal(struct row_reader *r, struct row_block *out)
+{
+    uint32_t class = r->factor->header->classes, multiple = r->factor->multiple[class];
+    const uint16_t *table = row_table(r->factor, class, 0);
+    *out = (struct row_block){.column = (uint16_t)r->row};
+    for (int a = 0; a < 3; a++)      /* bound: 3 */
+        for (int b = 0; b <= a; b++) /* bound: 3 */
+            out->value[3 * a + b] = value(r, a == b ? table : table + BANK_FACTOR_SYMBOLS + 1, multiple);
+    r->column++;
+}
+
+uint32_t row_read(struct row_reader *r, uint32_t columns, struct row_block *out)
+{
+    const struct bank_factor_view *f = r->factor;
+    const uint16_t *here = f->place + 3 * r->row;
+    const uint32_t x = here[0], y = here[1], z = here[2];
+    uint32_t found = 0, stop = r->row - r->column < columns ? r->row : r->column + columns;
+    while (r->column < stop) { /* bound: levels */
+        uint32_t level_end = row_level_end(f, r->level), end = level_end < stop ? level_end : stop;
+        uint32_t log0 = f->level_log[r->level], far = row_far(log0 + f->header->classes), j = r->column;
+        const uint16_t *there = f->place + 3 * j;
+        for (; j < end; j++, there += 3) { /* bound: columns */
+            uint32_t dx = x - there[0], dy = y - there[1], dz = z - there[2], d2 = dx * dx + dy * dy + dz * dz;
+            if (d2 >= far)
+                continue;
+            uint32_t log = row_ilog(d2), class = log > log0 ? log - log0 : 0;
+            if (!not_zero(r, f->significant[class]))
+                continue;
+            const uint16_t *table = row_table(f, class, 0);
+            struct row_block *block = &out[found++];
+            block->column = (uint16_t)j;
+            for (int k = 0; k < 9; k++) /* bound: 9 */
+                block->value[k] = value(r, k % 4 == 0 ? table : table + BANK_FACTOR_SYMBOLS + 1, f->multiple[class]);
+        }
+        r->column = j;
+        if (j == level_end)
+            r->level++;
+    }
+    if (r->column == r->row && found < columns)
+        diagonal(r, &out[found++]);
+    return found;
+}
+
+bool row_finished(const struct row_reader *r)
+{
+    return r->column > r->row;
+}
+
+bool row_next(struct row_reader *r, struct row_block *out)
+{
+    while (!row_finished(r)) /* bound: row + 1 */
+        if (row_read(r, 1, out))
+            return true;
+    return false;
+}
+
+uint32_t row_decode(const struct bank_view *bank, uint32_t row, struct row_block *out)
+{
+    struct row_reader r;
+    row_start(&r, bank, row);
+    return row_read(&r, row + 1, out);
+}
+
+void row_dot(const struct row_block *left, uint32_t left_count, const struct row_block *right, uint32_t right_count,
+             int32_t sum[9])
+{
+    uint32_t p = 0, q = 0;
+    for (int k = 0; k < 9; k++) /* bound: 9 */
+        sum[k] = 0;
+    while (p < left_count && q < right_count) { /* bound: both counts together */
+        const struct row_block *l = &left[p], *r = &right[q];
+        if (l->column == r->column)
+            for (int a = 0; a < 3; a++)     /* bound: 3 */
+                for (int b = 0; b < 3; b++) /* bound: 3 */
+                    sum[3 * a + b] += l->value[3 * a] * r->value[3 * b] + l->value[3 * a + 1] * r->value[3 * b + 1] +
+                                      l->value[3 * a + 2] * r->value[3 * b + 2];
+        p += l->column <= r->column;
+        q += r->column <= l->column;
+    }
+}

@@ -1,0 +1,268 @@
+#include "rounding.h"
+
+#include <lapacke.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "progress.h"
+
+/* Block (i, j) of G, rows in the factor's order. */
+static void block_of(const struct compliance *c, uint32_t i, uint32_t j, double block[9])
+{
+    size_t ld = 3 * c->rows;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            size_t row = 3 * (size_t)i + a, column = 3 * (size_t)j + b;
+            block[3 * a + b] = row >= column ? c->G[ld * column + row] : c->G[ld * row + column];
+        }
+}
+
+static int rising(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+int cholesky_build(const struct compliance *compliance, const struct order *order, struct cholesky *c,
+                   struct failure *why)
+{
+    size_t n = compliance->rows, ld = 3 * n, pivots = 0;
+    *c = (struct cholesky){.rows = n, .L = malloc(ld * ld * sizeof(double))};
+    double *pivot = malloc((ld + 1) * sizeof *pivot);
+    bool *fixed = calloc(ld + 1, sizeof *fixed);
+    int status = STATUS_OK;
+    if (!c->L || !pivot || !fixed) {
+        status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the factor of the compliance (%.0f MB)",
+                             8e-6 * (double)ld * (double)ld);
+        goto done;
+    }
+    for (size_t j = 0; j < n; j++)
+        for (size_t i = j; i < n; i++) {
+            double g[9];
+            block_of(compliance, order->at[i], order->at[j], g);
+            for (int k = 0; k < 9; k++)
+                c->L[ld * (3 * j + k % 3) + 3 * i + k / 3] = g[k];
+        }
+    for (size_t k = 0; k < ld; k++)
+        if (c->L[(ld + 1) * k] == 0) {
+            fixed[k] = true;
+            c->L[(ld + 1) * k] = 1;
+        }
+    int at = LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', (int)ld, c->L, (int)ld);
+    if (at) {
+        status = failure_set(why, STATUS_MODEL_FACTOR, NULL, NULL,
+                             "the compliance is not positive definite at row %d of %zu", at / 3, n);
+        goto done;
+    }
+    for (size_t k = 0; k < ld; k++)
+        if (fixed[k])
+            c->L[(ld + 1) * k] = 0;
+        else
+            pivot[pivots++] = c->L[(ld + 1) * k];
+    qsort(pivot, pivots, sizeof *pivot, rising);
+    c->median_diagonal = pivots ? pivot[pivots / 2] : 0;
+done:
+    free(pivot);
+    free(fixed);
+    if (status)
+        cholesky_free(c);
+    return status;
+}
+
+void cholesky_free(struct cholesky *c)
+{
+    free(c->L);
+    *c = (struct cholesky){0};
+}
+
+struct work {
+    const struct compliance *compliance;
+    const struct order *order;
+    const struct cholesky *cholesky;
+    struct factor *factor;
+    int32_t *row; /* of the row at hand: 9 per column, dense */
+    size_t room;  /* blocks that factor->block holds */
+};
+
+/* sum over the columns before j of Q_ik Q_jk^t; row i is the dense one. */
+static void product(const struct work *w, size_t j, double sum[9])
+{
+    const struct factor *f = w->factor;
+    int64_t total[9] = {0};
+    for (size_t p = f->start[j]; p + 1 < f->start[j + 1]; p++) { /* the last block of a row is its diagonal */
+        const int16_t *q = f->block[p].value;
+        const int32_t *r = w->row + 9 * (size_t)f->block[p].column;
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                total[3 * a + b] += (int64_t)r[3 * a] * q[3 * b] + (int64_t)r[3 * a + 1] * q[3 * b + 1] +
+                                    (int64_t)r[3 * a + 2] * q[3 * b + 2];
+    }
+    for (int k = 0; k < 9; k++)
+        sum[k] = (double)total[k];
+}
+
+static int32_t nearest(double x, uint16_t multiple)
+{
+    return (int32_t)lround(fmax(-1e6, fmin(1e6, x / multiple))) * multiple;
+}
+
+/* The block by rounding L itself. */
+static void plain(const struct work *w, size_t i, size_t j, uint16_t multiple, int32_t out[9])
+{
+    size_t ld = 3 * w->cholesky->rows;
+    for (int k = 0; k < 9; k++)
+        out[k] = nearest(w->cholesky->L[ld * (3 * j + k % 3) + 3 * i + k / 3] / w->factor->rounding.step, multiple);
+}
+
+/* The block for which the product meets G_ij: X Q_jj^t = G_ij / step^2 - sum, a column at a time. */
+static void with_feedback(const struct work *w, size_t i, size_t j, uint16_t multiple, int32_t out[9])
+{
+    const struct factor *f = w->factor;
+    const int16_t *d = f->block[f->start[j + 1] - 1].value;
+    double g[9], sum[9], step2 = f->rounding.step * f->rounding.step;
+    block_of(w->compliance, w->order->at[i], w->order->at[j], g);
+    product(w, j, sum);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            double rest = g[3 * a + b] / step2 - sum[3 * a + b];
+            for (int k = 0; k < b; k++)
+                rest -= (double)out[3 * a + k] * d[3 * b + k];
+            out[3 * a + b] = d[4 * b] ? nearest(rest / d[4 * b], multiple) : 0;
+        }
+}
+
+/* The diagonal block: what of G_ii the row has not spent yet. Where rounding has spent nearly all, L's own. */
+static void diagonal(const struct work *w, size_t i, uint16_t multiple, int32_t out[9])
+{
+    const struct factor *f = w->factor;
+    double rest[9], step = f->rounding.step, l[9] = {0};
+    size_t ld = 3 * w->cholesky->rows;
+    block_of(w->compliance, w->order->at[i], w->order->at[i], rest);
+    for (int k = 0; k < 9; k++)
+        rest[k] /= step * step;
+    for (size_t j = 0; j < i; j++) {
+        const int32_t *r = w->row + 9 * j;
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b <= a; b++)
+                for (int c = 0; c < 3; c++)
+                    rest[3 * a + b] -= (double)r[3 * a + c] * (double)r[3 * b + c];
+    }
+    bool good = true;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b <= a; b++) {
+            double own = w->cholesky->L[ld * (3 * i + b) + 3 * i + a] / step;
+            double s = rest[3 * a + b];
+            for (int k = 0; k < b; k++)
+                s -= l[3 * a + k] * l[3 * b + k];
+            if (a == b) {
+                good = good && (own == 0 || s > 0.04 * own * own);
+                l[4 * a] = own == 0 ? 0 : sqrt(fmax(s, 0));
+            } else
+                l[3 * a + b] = l[4 * b] > 0 ? s / l[4 * b] : 0;
+        }
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++) {
+            double own = w->cholesky->L[ld * (3 * i + b) + 3 * i + a] / step;
+            out[3 * a + b] = b > a ? 0 : nearest(good ? l[3 * a + b] : own, multiple);
+            if (a == b && own > 0 && out[4 * a] == 0)
+                out[4 * a] = multiple; /* feedback divides by it */
+        }
+}
+
+static int append(struct work *w, size_t column, const int32_t value[9], struct failure *why)
+{
+    struct factor *f = w->factor;
+    size_t count = f->start[f->rows];
+    if (count == w->room) {
+        size_t room = 2 * w->room + 1024;
+        struct row_block *larger = realloc(f->block, room * sizeof *larger);
+        if (!larger)
+            return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the rounded factor");
+        f->block = larger;
+        w->room = room;
+    }
+    f->block[count].column = (uint16_t)column;
+    for (int k = 0; k < 9; k++)
+        f->block[count].value[k] = (int16_t)value[k];
+    f->start[f->rows] = count + 1;
+    return STATUS_OK;
+}
+
+static int too_fine(const struct factor *f, struct failure *why)
+{
+    return failure_set(why, STATUS_CHECK_FAILED, NULL, "take a larger step",
+                       "with a step of %.3g (m/N)^1/2 the integers of the factor exceed 16 bits", f->rounding.step);
+}
+
+/* One row; factor->rows counts the finished ones and start[rows] the blocks written. */
+static int round_row(struct work *w, size_t i, struct failure *why)
+{
+    struct factor *f = w->factor;
+    const struct rounding *r = &f->rounding;
+    double squares[3] = {0}, near2 = r->feedback * r->feedback;
+    const uint16_t *here = w->order->place + 3 * i;
+    memset(w->row, 0, 9 * (i + 1) * sizeof *w->row);
+    size_t first = f->start[i];
+    f->start[i + 1] = first;
+    f->rows = i + 1;
+    for (size_t j = 0; j <= i; j++) {
+        uint32_t class = j == i ? r->classes : order_class(w->order, i, j);
+        if (j < i && class >= r->classes)
+            continue;
+        int32_t *out = w->row + 9 * j, any = j == i;
+        const uint16_t *there = w->order->place + 3 * j;
+        double d2 = 0;
+        for (int k = 0; k < 3; k++)
+            d2 += ((double)here[k] - there[k]) * ((double)here[k] - there[k]);
+        if (j == i)
+            diagonal(w, i, r->multiple[class], out);
+        else if (d2 < near2)
+            with_feedback(w, i, j, r->multiple[class], out);
+        else
+            plain(w, i, j, r->multiple[class], out);
+        for (int k = 0; k < 9; k++) {
+            any |= out[k];
+            squares[k / 3] += (double)out[k] * out[k];
+            if (abs(out[k]) > INT16_MAX || squares[k / 3] >= 0x1p31)
+                return too_fine(f, why);
+        }
+        int status = any ? append(w, j, out, why) : STATUS_OK;
+        if (status)
+            return status;
+    }
+    uint32_t blocks = (uint32_t)(f->start[i + 1] - first);
+    if (blocks > f->max_blocks)
+        f->max_blocks = blocks;
+    return STATUS_OK;
+}
+
+int rounding_run(const struct compliance *compliance, const struct order *order, const struct cholesky *cholesky,
+                 const struct rounding *rounding, struct factor *f, struct failure *why)
+{
+    size_t n = order->rows;
+    *f = (struct factor){.rounding = *rounding, .start = calloc(n + 1, sizeof *f->start)};
+    struct work w = {.compliance = compliance,
+                     .order = order,
+                     .cholesky = cholesky,
+                     .factor = f,
+                     .row = malloc(9 * n * sizeof *w.row)};
+    int status = STATUS_OK;
+    if (!f->start || !w.row)
+        status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the rounded factor");
+    for (size_t i = 0; i < n && !status; i++)
+        status = interrupted() ? failure_set(why, STATUS_INTERRUPTED, NULL, NULL, "interrupted while rounding")
+                               : round_row(&w, i, why);
+    free(w.row);
+    if (status)
+        factor_free(f);
+    return status;
+}
+
+void factor_free(struct factor *f)
+{
+    free(f->start);
+    free(f->block);
+    *f = (struct factor){0};
+}
