@@ -37,7 +37,8 @@ static bool solve_subset(const float (*A)[CONTACT_MAX], const float *d, const ui
     return true;
 }
 
-uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t *active, float *p, bool *cut)
+uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t steps, uint32_t *active,
+                       float *p, bool *cut)
 {
     uint32_t set = *active & ((1u << m) - 1u), barred = 0, factors = 0, added = m;
     float largest = 0.0f;
@@ -47,7 +48,7 @@ uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m
     }
     const float tolerance_m = 1e-6f * largest; /* ten times the rounding of A p for the depths at hand */
     *cut = true;
-    while (factors < CONTACT_MAX_FACTORS) { /* bound: CONTACT_MAX_FACTORS */
+    while (factors < steps) { /* bound: CONTACT_MAX_FACTORS */
         uint32_t index[CONTACT_MAX], n = 0;
         for (uint32_t i = 0; i < m; i++) /* bound: CONTACT_MAX */
             if (set >> i & 1u)
@@ -172,7 +173,8 @@ void contact_update(struct contact_set *s, const struct bank_view *bank, const s
         s->system[c][c] += bank->contact->regularisation_m_N;
     }
     bool cut = false;
-    s->factors = m ? contact_solve((const float(*)[CONTACT_MAX])s->system, depth, m, &guess, p, &cut) : 0;
+    uint32_t steps = bank->contact->solver_steps ? bank->contact->solver_steps : CONTACT_MAX_FACTORS;
+    s->factors = m ? contact_solve((const float(*)[CONTACT_MAX])s->system, depth, m, steps, &guess, p, &cut) : 0;
     s->cut += cut;
 
     s->active = 0;

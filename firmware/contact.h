@@ -11,7 +11,7 @@
  * A is the sum of three Gram matrices, hence positive definite for every set of contacts, coincident ones included, with
  * smallest eigenvalue >= epsilon: |p| <= |d| / epsilon.
  *
- * Sizes: m <= CONTACT_MAX. Work: 9 m (m+1)/2 blocks of the bank, then at most CONTACT_MAX_FACTORS factorisations of
+ * Sizes: m <= CONTACT_MAX. Work: 9 m (m+1)/2 blocks of the bank, then at most the bank's solver_steps factorisations of
  * m^3/6 products, stopping early with a feasible p. */
 #ifndef TROCAR_CONTACT_H
 #define TROCAR_CONTACT_H
@@ -24,7 +24,7 @@
 
 enum {
     CONTACT_MAX = BANK_MAX_TOOL_POINTS,
-    CONTACT_MAX_FACTORS = 3 * CONTACT_MAX /* steps that the active-set method may take in one tick */
+    CONTACT_MAX_FACTORS = BANK_MAX_SOLVER_STEPS /* 3 CONTACT_MAX: steps that the active-set method may take in a tick */
 };
 
 struct contact {
@@ -58,8 +58,8 @@ void contact_clear(struct contact_set *s);
 
 /* The solver alone: minimise 1/2 p.A p - d.p over p >= 0 for a positive definite m x m A, m <= CONTACT_MAX, by an
  * active-set method (Lawson and Hanson 1974, ch. 23, in Gram form) that keeps p feasible at every step, so it may stop at
- * any. `active` in: bits of the first guess; out: of the answer. Returns factorisations; *cut: stopped at the bound. */
-uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t *active, float *p,
-                       bool *cut);
+ * any: it does after `steps` factorisations, 1 .. CONTACT_MAX_FACTORS. `active` in: bits of the first guess; out: of the answer. Returns factorisations; *cut: stopped at the bound. */
+uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m, uint32_t steps, uint32_t *active,
+                       float *p, bool *cut);
 
 #endif

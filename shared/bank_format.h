@@ -28,7 +28,8 @@ enum {
     BANK_MAX_GRID_CELLS = 65536,
     BANK_MAX_GRID_AXIS = 1024, /* cells along one axis: float32 still tells 1e-4 of a cell apart */
     BANK_MAX_CELL_TRIANGLES = 255,
-    BANK_MAX_COUNTS = 16384 /* modulus of an encoder: 14 bits on the bus */
+    BANK_MAX_COUNTS = 16384,   /* modulus of an encoder: 14 bits on the bus */
+    BANK_MAX_SOLVER_STEPS = 48 /* factorisations of the contact solver in one tick */
 };
 
 #define BANK_MAX_ANGLE_RAD                                                                                             \
@@ -149,7 +150,7 @@ struct bank_contact {
     float force_rate_N_s;         /* rate limit of the tip force, per second */
     float decay_s;                /* time constant of the decay to zero in the state SAFE */
     float typical_compliance_m_N; /* median diagonal of G: for display and scaling */
-    uint32_t reserved;
+    uint32_t solver_steps;        /* factorisations after which the contact solver stops; 0: BANK_MAX_SOLVER_STEPS */
 };
 
 /* TOOL, required, count = instruments (1 .. BANK_MAX_INSTRUMENTS): struct bank_tool each. */

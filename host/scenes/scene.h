@@ -84,6 +84,7 @@ struct scene {
     struct scene_ligament ligament[SCENE_MAX_LIGAMENTS];
     struct scene_instrument instrument[BANK_MAX_INSTRUMENTS];
     double regularisation; /* epsilon as a fraction of the median compliance; default 1e-3 */
+    unsigned solver_steps; /* 1 .. BANK_MAX_SOLVER_STEPS; 0: no bound of the scene's */
     double budget_instructions, budget_bank_bytes, budget_force_error; /* 0: none */
 };
 

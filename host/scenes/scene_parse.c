@@ -302,11 +302,18 @@ static void instruments(struct tree *t, tree_node list, struct scene *scene)
 
 static void contact(struct tree *t, tree_node map, struct scene *scene)
 {
-    if (!map || !tree_map(t, map, "contact", KEYS("regularisation")))
+    if (!map || !tree_map(t, map, "contact", KEYS("regularisation", "steps")))
         return;
     tree_node node = tree_find(t, map, "regularisation");
     bounded(t, node, "regularisation", DIMENSION_RATIO, SCENE_MIN_REGULARISATION, 1, " of the median compliance",
             &scene->regularisation);
+    tree_node steps = tree_find(t, map, "steps");
+    double count = 0;
+    tree_quantity(t, steps, "steps", DIMENSION_NUMBER, &count);
+    bool good = count >= 1 && count <= BANK_MAX_SOLVER_STEPS && count == floor(count);
+    tree_require(t, steps, good, "steps = %g: a whole number from 1 to %d is needed", count, BANK_MAX_SOLVER_STEPS);
+    if (steps && good)
+        scene->solver_steps = (unsigned)count;
 }
 
 /* This version has no effects: an empty mapping is the only one that can be met. */

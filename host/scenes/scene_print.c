@@ -188,6 +188,8 @@ char *scene_print(const struct scene *scene)
     for (size_t i = 0; i < scene->instrument_count; i++)
         instrument(out, &scene->instrument[i]);
     quantity(out, "contact: {regularisation: ", scene->regularisation, DIMENSION_RATIO);
+    if (scene->solver_steps)
+        fprintf(out, ", steps: %u", scene->solver_steps);
     fputs("}\neffects: {}\n", out);
     budget(out, scene);
     bool failed = ferror(out) != 0;

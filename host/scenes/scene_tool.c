@@ -136,5 +136,6 @@ void scene_contact(const struct scene *scene, double median_compliance_m_N, stru
         .force_rate_N_s = (float)(force / RISE_s),
         .decay_s = (float)DECAY_s,
         .typical_compliance_m_N = (float)median_compliance_m_N,
+        .solver_steps = scene->solver_steps,
     };
 }

@@ -43,7 +43,7 @@ static const char scene_full[] =
     "    coupling: {stiffness: 0.8 N/mm, damping: 0.2 N s/m}\n"
     "    force_limit: 5000 mN\n"
     "  - {name: left}\n"
-    "contact: {regularisation: 0.2 %}\n"
+    "contact: {regularisation: 0.2 %, steps: 12}\n"
     "effects: {}\n"
     "budget: {instructions: 240000, bank: 1.5 MiB, force_error: 0.5 %}\n";
 

@@ -425,7 +425,7 @@ static void contact(void **state)
             refused(STATUS_BANK_NONFINITE, BANK_CONT, 0);
         }
     }
-    ((struct bank_contact *)c)->reserved = 1;
+    ((struct bank_contact *)c)->solver_steps = BANK_MAX_SOLVER_STEPS + 1;
     refused(STATUS_BANK_NONFINITE, BANK_CONT, 0);
 }
 

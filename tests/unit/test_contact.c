@@ -115,7 +115,8 @@ static void solver_agrees_with_the_enumeration_of_all_contact_sets(void **state)
         float p[CONTACT_MAX];
         uint32_t active = random_below(1u << m);
         bool cut;
-        uint32_t factors = contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, m, &active, p, &cut);
+        uint32_t factors =
+            contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, m, CONTACT_MAX_FACTORS, &active, p, &cut);
         most = factors > most ? factors : most;
         assert_false(cut);
         /* The resultant is what the hand feels; the single pressures of coincident points are not determined. */
@@ -149,7 +150,7 @@ static void coincident_points_share_the_load_and_stay_finite(void **state)
         float p[CONTACT_MAX], sum = 0;
         uint32_t active = 0;
         bool cut;
-        contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, m, &active, p, &cut);
+        contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, m, CONTACT_MAX_FACTORS, &active, p, &cut);
         assert_false(cut);
         for (unsigned i = 0; i < m; i++) {
             assert_true(isfinite(p[i]) && p[i] >= 0);
@@ -170,18 +171,61 @@ static void full_sets_stop_within_the_bound_and_warm_starts_within_two(void **st
         float p[CONTACT_MAX], again[CONTACT_MAX];
         uint32_t active = (uint32_t)random_bits();
         bool cut;
-        uint32_t factors = contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, CONTACT_MAX, &active, p, &cut);
+        uint32_t factors =
+            contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, CONTACT_MAX, CONTACT_MAX_FACTORS, &active, p, &cut);
         assert_true(factors <= CONTACT_MAX_FACTORS);
         for (unsigned i = 0; i < CONTACT_MAX; i++)
             assert_true(isfinite(p[i]) && p[i] >= 0);
         most = factors > most ? factors : most;
         if (cut)
             continue;
-        uint32_t warm = contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, CONTACT_MAX, &active, again, &cut);
+        uint32_t warm = contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, CONTACT_MAX, CONTACT_MAX_FACTORS,
+                                      &active, again, &cut);
         warm_most = warm > warm_most ? warm : warm_most;
     }
     printf("# 16 contacts: at most %u factorisations cold, %u from the last answer\n", most, warm_most);
     assert_true(warm_most <= 2);
+}
+
+/* The objective of the answer, 1/2 p.A p - d.p, in double. */
+static double energy(const struct problem *q, const float *p)
+{
+    double sum = 0;
+    for (unsigned i = 0; i < q->m; i++) {
+        sum -= q->d[i] * p[i];
+        for (unsigned j = 0; j < q->m; j++)
+            sum += 0.5 * p[i] * q->A[i * q->m + j] * p[j];
+    }
+    return sum;
+}
+
+static void every_bound_of_steps_is_kept_and_more_steps_are_never_worse(void **state)
+{
+    (void)state;
+    random_seed("steps", 9);
+    unsigned cuts = 0;
+    for (int n = 0; n < 2000; n++) {
+        struct problem q;
+        random_problem(&q, 2 + random_below(15), 2 + random_below(6), 5e-6);
+        uint32_t first = (uint32_t)random_bits();
+        double before = 0;
+        for (uint32_t steps = 1; steps <= CONTACT_MAX_FACTORS; steps++) {
+            float p[CONTACT_MAX];
+            uint32_t active = first;
+            bool cut;
+            uint32_t factors = contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, q.m, steps, &active, p, &cut);
+            assert_true(factors <= steps);
+            for (unsigned i = 0; i < q.m; i++)
+                assert_true(isfinite(p[i]) && p[i] >= 0);
+            double after = energy(&q, p);
+            /* rounding moves p by up to 2^-24 times the condition of 1e4, a thousandth of the energy */
+            assert_true(after <= before + 1e-3 * fabs(before) + 1e-9);
+            before = after;
+            cuts += cut;
+        }
+    }
+    printf("# %u answers were cut short\n", cuts);
+    assert_true(cuts > 1000);
 }
 
 static void nothing_pushes_when_no_depth_is_positive(void **state)
@@ -194,7 +238,7 @@ static void nothing_pushes_when_no_depth_is_positive(void **state)
     float p[CONTACT_MAX];
     uint32_t active = 31;
     bool cut;
-    contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, 5, &active, p, &cut);
+    contact_solve((const float(*)[CONTACT_MAX])q.Af, q.df, 5, CONTACT_MAX_FACTORS, &active, p, &cut);
     assert_false(cut);
     for (unsigned i = 0; i < 5; i++)
         assert_true(p[i] == 0);
@@ -287,6 +331,7 @@ int main(void)
         cmocka_unit_test(solver_agrees_with_the_enumeration_of_all_contact_sets),
         cmocka_unit_test(coincident_points_share_the_load_and_stay_finite),
         cmocka_unit_test(full_sets_stop_within_the_bound_and_warm_starts_within_two),
+        cmocka_unit_test(every_bound_of_steps_is_kept_and_more_steps_are_never_worse),
         cmocka_unit_test(nothing_pushes_when_no_depth_is_positive),
         cmocka_unit_test(assembled_force_and_displacement_agree_with_a_dense_evaluation),
     };

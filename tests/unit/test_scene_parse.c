@@ -48,7 +48,7 @@ static void every_key_arrives_in_SI_units(void **state)
     assert_true(i->length_min_m == 0.12 && i->length_max_m == 0.22);
     assert_true(i->tip_radius_m == 0.004 && i->tip_points == 16);
     assert_true(i->coupling_stiffness_N_m == 800 && i->coupling_damping_Ns_m == 0.2 && i->force_limit_N == 5);
-    assert_true(s.regularisation == 0.002);
+    assert_true(s.regularisation == 0.002 && s.solver_steps == 12);
     assert_true(s.budget_instructions == 240000 && s.budget_bank_bytes == 1572864 && s.budget_force_error == 0.005);
 }
 
@@ -70,7 +70,7 @@ static void what_is_left_out_has_the_documented_default(void **state)
     assert_true(!i->placed && i->length_min_m == 0.10 && i->length_max_m == 0.23);
     assert_true(i->tip_radius_m == 0.005 && i->tip_points == 7 && i->force_limit_N == 0);
     assert_true(i->coupling_stiffness_N_m == 0 && i->coupling_damping_Ns_m == 0);
-    assert_true(s.regularisation == 1e-3);
+    assert_true(s.regularisation == 1e-3 && s.solver_steps == 0);
     assert_true(s.budget_instructions == 0 && s.budget_bank_bytes == 0 && s.budget_force_error == 0);
 }
 
@@ -202,6 +202,8 @@ static const struct fault faults[] = {
     {"{name: left}", "{name: ../left}", STATUS_SCENE_VALUE, 27, "is not a name"},
     {"{name: left}", "{name: a}\n  - {name: b}", STATUS_SCENE_VALUE, 20, "at most 2"},
     {"0.2 %", "0 %", STATUS_SCENE_VALUE, 28, "regularisation = 0"},
+    {"steps: 12", "steps: 0", STATUS_SCENE_VALUE, 28, "steps = 0"},
+    {"steps: 12", "steps: 49", STATUS_SCENE_VALUE, 28, "from 1 to 48"},
     {"240000", "0", STATUS_SCENE_VALUE, 30, "instructions = 0"},
     {"1.5 MiB", "0 B", STATUS_SCENE_VALUE, 30, "bank = 0"},
     {"0.5 %", "200 %", STATUS_SCENE_VALUE, 30, "force_error = 200 %"},

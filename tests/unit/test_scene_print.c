@@ -195,6 +195,7 @@ static void scenes_with_random_numbers_read_back(void **state)
         t->coupling_damping_Ns_m = random_range(0.01, 0.5);
         t->force_limit_N = random_range(0.1, 8.9);
         s.regularisation = random_range(1e-5, 1);
+        s.solver_steps = random_below(BANK_MAX_SOLVER_STEPS + 1);
         s.budget_force_error = random_range(1e-6, 1);
         round_trip(&s);
     }
