@@ -2,12 +2,15 @@
 
 #include "real.h"
 
-/* Does the segment enter this triangle? Its line must pass the three edges on the inner side, its ends lie on both sides
- * of the plane. An edge's sign is computed from the two vertices alone, and changes sign exactly when they are swapped
+enum side { ENTERS = 1, LEAVES = -1 };
+
+/* Does the segment cross this triangle, into the body or out of it? Its line must pass the three edges on the inner side,
+ * its ends lie on both sides of the plane. An edge's sign is computed from the two vertices alone, and changes sign exactly when they are swapped
  * (products commute and differences are odd in IEEE arithmetic), so two triangles that share an edge cannot both miss. */
-static bool enters(const struct bank_view *bank, uint32_t triangle, const float from[3], const float direction[3],
-                   struct collide_hit *hit)
+static bool crosses(const struct bank_view *bank, uint32_t triangle, const float from[3], const float direction[3],
+                    enum side side, struct collide_hit *hit)
 {
+    const float sign = side == ENTERS ? 1.0f : -1.0f;
     const uint16_t *v = bank->triangles[triangle].vertex;
     float corner[3][3], edge[3];
     for (int k = 0; k < 3; k++) /* bound: 3 */
@@ -16,11 +19,11 @@ static bool enters(const struct bank_view *bank, uint32_t triangle, const float 
         float area[3];
         real_cross(corner[(k + 1) % 3], corner[(k + 2) % 3], area);
         edge[k] = real_dot(direction, area);
-        if (edge[k] > 0.0f)
+        if (sign * edge[k] > 0.0f)
             return false;
     }
     float sum = edge[0] + edge[1] + edge[2];
-    if (!(sum < 0.0f))
+    if (!(sign * sum < 0.0f))
         return false;
 
     float side1[3], side2[3], normal[3], end[3];
@@ -30,7 +33,7 @@ static bool enters(const struct bank_view *bank, uint32_t triangle, const float 
     for (int i = 0; i < 3; i++) /* bound: 3 */
         end[i] = corner[0][i] - direction[i];
     float above = -real_dot(normal, corner[0]), below = -real_dot(normal, end);
-    if (above < 0.0f || below >= 0.0f)
+    if (sign * above < 0.0f || sign * below >= 0.0f)
         return false;
     hit->triangle = triangle;
     hit->fraction = above / (above - below);
@@ -51,7 +54,7 @@ bool collide_brute(const struct bank_view *bank, const float from_m[3], const fl
     bool found = false;
     for (uint32_t t = 0; t < bank->triangle_count; t++) { /* bound: triangles of the bank */
         struct collide_hit candidate;
-        if (enters(bank, t, from_m, direction, &candidate) && (!found || earlier(&candidate, hit))) {
+        if (crosses(bank, t, from_m, direction, ENTERS, &candidate) && (!found || earlier(&candidate, hit))) {
             *hit = candidate;
             found = true;
         }
@@ -85,7 +88,8 @@ static bool clip_to_grid(const struct bank_grid *grid, const float from[3], cons
     return span[0] <= span[1];
 }
 
-bool collide_sweep(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit)
+static bool sweep(const struct bank_view *bank, const float from_m[3], const float to_m[3], enum side side,
+                  struct collide_hit *hit)
 {
     const struct bank_grid *grid = bank->grid;
     float direction[3], span[2];
@@ -108,7 +112,7 @@ bool collide_sweep(const struct bank_view *bank, const float from_m[3], const fl
         uint32_t c = (uint32_t)cell[0] + grid->cells[0] * ((uint32_t)cell[1] + grid->cells[1] * (uint32_t)cell[2]);
         for (uint32_t e = bank->cell_start[c]; e < bank->cell_start[c + 1]; e++) { /* bound: max_in_cell */
             struct collide_hit candidate;
-            if (enters(bank, bank->cell_triangle[e], from_m, direction, &candidate) &&
+            if (crosses(bank, bank->cell_triangle[e], from_m, direction, side, &candidate) &&
                 (!found || earlier(&candidate, hit))) {
                 *hit = candidate;
                 found = true;
@@ -136,6 +140,11 @@ bool collide_sweep(const struct bank_view *bank, const float from_m[3], const fl
             break;
     }
     return found;
+}
+
+bool collide_sweep(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit)
+{
+    return sweep(bank, from_m, to_m, ENTERS, hit);
 }
 
 /* Interpolated normal (not normalised) and surface point at barycentric weights. */
@@ -172,7 +181,7 @@ static bool newton(const struct bank_view *bank, uint32_t triangle, const float 
     real_cross(side1, side2, rest);
     real_cross(column1, column2, area);
     float determinant = real_dot(area, m), at_rest = real_dot(rest, m);
-    if (!(at_rest > 0.0f) || !(determinant > 0.05f * at_rest))
+    if (!(at_rest > 0.0f) || !(determinant > 0.25f * at_rest)) /* a step grows at most by the inverse */
         return false;
     real_cross(residual, column2, across);
     step[0] = real_dot(across, m) / determinant;
@@ -182,16 +191,25 @@ static bool newton(const struct bank_view *bank, uint32_t triangle, const float 
     return true;
 }
 
-/* Let the anchor of a touching point slide to where its normal passes through the point. */
+/* Let the anchor of a touching point slide to where its normal passes through the point, or through the point raised
+ * along that normal. False when it was raised or did not come to rest. */
 static bool settle(const struct bank_view *bank, struct collide_point *p)
 {
     uint32_t triangle = p->triangle, came_from = bank->triangle_count;
     float w[3] = {p->weights[0], p->weights[1], p->weights[2]}, t = p->depth_m;
-    bool settled = false;
+    float target[3] = {p->position_m[0], p->position_m[1], p->position_m[2]};
+    bool settled = false, raised = false;
     for (int k = 0; k < COLLIDE_MAX_WALK && !settled; k++) { /* bound: COLLIDE_MAX_WALK */
         float step[3];
-        if (!newton(bank, triangle, p->position_m, w, t, step))
-            break;
+        if (!newton(bank, triangle, target, w, t, step)) {
+            float a[3], m[3];
+            surface_point(bank, triangle, w, a, m);
+            t *= 0.5f;
+            for (int i = 0; i < 3; i++) /* bound: 3 */
+                target[i] += t * m[i];
+            raised = true;
+            continue;
+        }
         float move[3] = {-step[0] - step[1], step[0], step[1]};
         int side = -1;
         float part = 1.0f;
@@ -227,7 +245,7 @@ static bool settle(const struct bank_view *bank, struct collide_point *p)
     p->triangle = triangle;
     for (int i = 0; i < 3; i++) /* bound: 3 */
         p->weights[i] = w[i] / sum;
-    return settled;
+    return settled && !raised;
 }
 
 /* Anchor, unit normal and depth from triangle and weights. */
@@ -257,21 +275,70 @@ static void touch(const struct bank_view *bank, struct collide_point *p, const s
     for (int i = 0; i < 3; i++) /* bound: 3 */
         p->weights[i] = hit->weights[i];
     measure(bank, p);
-}
-
-/* The anchor says that the point has left the body. Before it is believed: does the way from just above the anchor to the
- * point enter the surface? It does when the anchor lagged behind, or in a wedge thinner than the depth. */
-static bool still_inside(const struct bank_view *bank, const struct collide_point *p, struct collide_hit *hit)
-{
-    float above[3], lift_m = 0.01f * bank->grid->cell_m;
     for (int i = 0; i < 3; i++) /* bound: 3 */
-        above[i] = p->anchor_m[i] + lift_m * p->normal[i];
-    return collide_sweep(bank, above, p->position_m, hit);
+        p->shallow_normal[i] = p->normal[i];
 }
 
-void collide_update(struct collide *s, const struct bank_view *bank, const float (*positions_m)[3], uint32_t count)
+static bool deep(const struct bank_view *bank, const struct collide_point *p)
+{
+    return p->depth_m > bank->grid->cell_m;
+}
+
+enum place { OUTSIDE, PUSHED_THROUGH, INSIDE };
+
+/* Where is the point, looking from it along the contact's normal: inside the body (the first surface is crossed outwards,
+ * `hit` says where), pushed through it (inwards, and the shaft passes through the body too), or outside. */
+static enum place look_out(const struct bank_view *bank, const struct collide_point *p, const float apex[3],
+                           struct collide_hit *hit)
+{
+    const struct bank_grid *grid = bank->grid;
+    struct collide_hit in;
+    float far[3], reach = (float)(grid->cells[0] + grid->cells[1] + grid->cells[2]) * grid->cell_m;
+    for (int i = 0; i < 3; i++) /* bound: 3 */
+        far[i] = p->position_m[i] + reach * p->normal[i];
+    bool leaves = sweep(bank, p->position_m, far, LEAVES, hit);
+    bool enters = sweep(bank, p->position_m, far, ENTERS, &in);
+    if (leaves && (!enters || hit->fraction <= in.fraction))
+        return INSIDE;
+    return enters && sweep(bank, apex, p->position_m, ENTERS, &in) ? PUSHED_THROUGH : OUTSIDE;
+}
+
+/* Slide the anchor under a point in contact, and see whether the contact holds. */
+static void follow(struct collide *s, const struct bank_view *bank, struct collide_point *p, const float apex[3],
+                   bool ask)
+{
+    const struct collide_point before = *p;
+    struct collide_hit hit;
+    bool settled = settle(bank, p);
+    measure(bank, p);
+    if (deep(bank, p) && real_dot(p->normal, p->shallow_normal) < COLLIDE_TURN) {
+        p->triangle = before.triangle;
+        for (int i = 0; i < 3; i++) /* bound: 3 */
+            p->weights[i] = before.weights[i];
+        measure(bank, p);
+        settled = false;
+    }
+    s->walks_cut += !settled;
+
+    if (p->depth_m <= 0.0f) {
+        /* Out of the tangent plane; out of the body? The anchor may have lagged, or the wedge is thinner than the depth. */
+        if (look_out(bank, p, apex, &hit) == INSIDE)
+            touch(bank, p, &hit);
+        else
+            p->touching = false;
+    } else if (deep(bank, p)) {
+        p->touching = !ask || look_out(bank, p, apex, &hit) != OUTSIDE;
+    } else {
+        for (int i = 0; i < 3; i++) /* bound: 3 */
+            p->shallow_normal[i] = p->normal[i];
+    }
+}
+
+void collide_update(struct collide *s, const struct bank_view *bank, const float apex_m[3],
+                    const float (*positions_m)[3], uint32_t count)
 {
     s->count = count;
+    s->turn = s->turn + 1 < count ? s->turn + 1 : 0;
     for (uint32_t i = 0; i < count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
         struct collide_point *p = &s->point[i];
         struct collide_hit hit;
@@ -281,17 +348,8 @@ void collide_update(struct collide *s, const struct bank_view *bank, const float
         p->known = true;
         if (hits)
             touch(bank, p, &hit);
-        if (!p->touching)
-            continue;
-        if (!settle(bank, p))
-            s->walks_cut++;
-        measure(bank, p);
-        if (p->depth_m > 0.0f)
-            continue;
-        if (still_inside(bank, p, &hit))
-            touch(bank, p, &hit);
-        else
-            p->touching = false;
+        if (p->touching)
+            follow(s, bank, p, apex_m, i == s->turn);
     }
 }
 

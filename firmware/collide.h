@@ -17,6 +17,15 @@ enum {
     COLLIDE_MAX_WALK = 24 /* Newton steps and triangle crossings that an anchor may take in one tick */
 };
 
+/* "Deep" is deeper than a cell of the grid, about two edges of the mesh. Deep points need more care:
+ * - Beyond the surface's radius of curvature neighbouring normals have crossed and the anchor is not defined. Then the
+ *   anchor follows a point raised towards the surface, by halves, until it is: it keeps sliding with the tool.
+ * - An anchor may turn by at most acos(COLLIDE_TURN) while its point is deep, or it would creep around a rim to the far
+ *   side, from where the way out of the body looks like a way in.
+ * - Every tick one deep point is asked whether it is still inside the body. If not, it has pushed through a thin part when
+ *   the shaft behind it passes through the body and tissue lies before it; else it has left and the contact is over. */
+#define COLLIDE_TURN 0.2f
+
 struct collide_hit {
     uint32_t triangle;
     float weights[3]; /* barycentric, sum 1 */
@@ -30,13 +39,15 @@ struct collide_point {
     uint32_t triangle; /* of the anchor */
     float weights[3];
     float anchor_m[3], normal[3]; /* outward unit normal */
+    float shallow_normal[3];      /* the normal when the point was last not deep */
     float depth_m;                /* normal . (anchor - position), > 0 while touching */
 };
 
 struct collide {
     uint32_t count; /* points of the tool, <= BANK_MAX_TOOL_POINTS */
     struct collide_point point[BANK_MAX_TOOL_POINTS];
-    uint32_t walks_cut; /* counter: an anchor did not settle within COLLIDE_MAX_WALK, or met a focal point */
+    uint32_t turn;      /* the point that is next asked whether it has left */
+    uint32_t walks_cut; /* counter: an anchor did not settle, was raised, or was held back from turning */
 };
 
 /* First triangle that the segment from -> to enters from outside, that is against its normal: the end `from` on or above
@@ -47,8 +58,9 @@ bool collide_sweep(const struct bank_view *bank, const float from_m[3], const fl
 /* The same by looking at every triangle: for tests, and for the host to find where an axis meets the body. */
 bool collide_brute(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
 
-/* Move every point to its new position and update its contact. */
-void collide_update(struct collide *s, const struct bank_view *bank, const float (*positions_m)[3], uint32_t count);
+/* Move every point to its new position and update its contact. `apex_m`: the trocar, from where the shaft comes. */
+void collide_update(struct collide *s, const struct bank_view *bank, const float apex_m[3],
+                    const float (*positions_m)[3], uint32_t count);
 
 /* Forget positions and contacts: after a silence the way between is not known. */
 void collide_forget(struct collide *s);

@@ -32,7 +32,7 @@ static void touch(struct controller *c, const struct bank_view *bank, const stru
     float points_m[BANK_MAX_TOOL_POINTS][3];
     for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
         kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
-    collide_update(&c->collide, bank, (const float(*)[3])points_m, tool->point_count);
+    collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
     contact_update(&c->contact, bank, &c->collide);
     for (int i = 0; i < 3; i++) /* bound: 3 */
         if (!real_finite(c->contact.force_N[i])) {
