@@ -235,25 +235,25 @@ static int check_half(struct bank_view *view)
     return STATUS_OK;
 }
 
-/* Levels in rising order from row 0, each finer than the one before; cumulative frequencies from 0 to 2^12. */
+/* Levels in rising order from row 0; units that keep every multiple within 16 bits; cumulative frequencies from 0 to 2^12. */
 static bool factor_tables_good(const struct bank_factor_view *f)
 {
-    uint32_t levels = f->header->levels, classes = f->header->classes;
+    uint32_t levels = f->header->levels, contexts = levels * (f->header->classes + 1u), unit = f->header->diagonal_unit;
     bool good = positive(f->header->step) && f->header->max_blocks >= 1 && f->header->max_blocks <= f->rows &&
-                !f->header->reserved[0] && !f->header->reserved[1] && f->level_first[0] == 0;
+                !f->header->reserved && !f->header->reserved_byte && f->level_first[0] == 0;
+    for (uint32_t k = 0; k < 64; k++) /* bound: 64 */
+        unit = f->distance_unit[k] > unit ? f->distance_unit[k] : unit;
     for (uint32_t l = 0; l < levels; l++) /* bound: BANK_FACTOR_LEVELS */
         good = good && f->level_log[l] < 64 && f->level_first[l] < f->rows &&
-               (l == 0 || f->level_first[l] > f->level_first[l - 1]);
-    for (uint32_t c = 0; c < classes; c++) /* bound: BANK_FACTOR_CLASSES */
-        good = good && f->significant[c] >= 1 && f->significant[c] < ROW_SLOTS;
-    for (uint32_t c = 0; c <= classes; c++) { /* bound: BANK_FACTOR_CLASSES + 1 */
-        good = good && f->multiple[c] >= 1 && f->multiple[c] <= INT16_MAX;
-        for (uint32_t kind = 0; kind < 2; kind++) { /* bound: 2 */
-            const uint16_t *table = row_table(f, c, kind);
-            good = good && table[0] == 0 && table[BANK_FACTOR_SYMBOLS] == ROW_SLOTS;
-            for (uint32_t s = 0; s < BANK_FACTOR_SYMBOLS; s++) /* bound: BANK_FACTOR_SYMBOLS */
-                good = good && table[s] <= table[s + 1];
-        }
+               (l == 0 || f->level_first[l] > f->level_first[l - 1]) &&
+               (uint64_t)f->level_unit[l] * unit <= ROW_MULTIPLE_MAX << 6;
+    for (uint32_t c = 0; c < contexts; c++) /* bound: BANK_FACTOR_LEVELS (BANK_FACTOR_CLASSES + 1) */
+        good = good && (f->context[c] >> 8 & 15u) < f->header->tables && f->context[c] >> 12 < f->header->tables;
+    for (uint32_t t = 0; t < f->header->tables; t++) { /* bound: BANK_FACTOR_TABLES */
+        const uint16_t *table = row_table(f, t);
+        good = good && table[0] == 0 && table[BANK_FACTOR_SYMBOLS] == ROW_SLOTS;
+        for (uint32_t s = 0; s < BANK_FACTOR_SYMBOLS; s++) /* bound: BANK_FACTOR_SYMBOLS */
+            good = good && table[s] <= table[s + 1];
     }
     return good;
 }

@@ -172,15 +172,18 @@ static int take_factor(struct bank_view *view, const struct bank_section *sectio
     struct bank_factor_view *f = &view->factor;
     f->header = (const struct bank_factor *)bytes;
     f->rows = section->count;
-    uint32_t levels = f->header->levels, classes = f->header->classes, n = f->rows;
-    if (levels < 1 || levels > BANK_FACTOR_LEVELS || classes < 1 || classes > BANK_FACTOR_CLASSES)
+    uint32_t levels = f->header->levels, classes = f->header->classes, tables = f->header->tables, n = f->rows;
+    if (levels < 1 || levels > BANK_FACTOR_LEVELS || classes < 1 || classes > BANK_FACTOR_CLASSES || tables < 1 ||
+        tables > BANK_FACTOR_TABLES)
         return fault(view, STATUS_BANK_INDEX, BANK_FACT, 0);
     f->level_first = (const uint16_t *)(f->header + 1);
     f->level_log = f->level_first + levels;
-    f->significant = f->level_log + levels;
-    f->multiple = f->significant + classes;
-    f->cumulative = f->multiple + classes + 1;
-    f->place = f->cumulative + 2 * (classes + 1) * (BANK_FACTOR_SYMBOLS + 1);
+    f->level_unit = f->level_log + levels;
+    f->distance_unit = f->level_unit + levels;
+    f->context = f->distance_unit + 64;
+    f->kernel = (const int16_t *)(f->context + levels * (classes + 1));
+    f->cumulative = (const uint16_t *)(f->kernel + 2 * levels * classes);
+    f->place = f->cumulative + tables * (BANK_FACTOR_SYMBOLS + 1);
     f->base = f->place + 3 * n;
     f->offset = f->base + 2 * (n / 32 + 1);
     f->code = f->offset + n + 1;

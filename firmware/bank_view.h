@@ -15,7 +15,9 @@
 struct bank_factor_view {
     const struct bank_factor *header;
     uint32_t rows;
-    const uint16_t *level_first, *level_log, *significant, *multiple, *cumulative, *place, *base, *offset, *code;
+    const uint16_t *level_first, *level_log, *level_unit, *distance_unit, *context, *cumulative, *place, *base, *offset,
+        *code;
+    const int16_t *kernel;
     uint32_t words; /* of code */
 };
 

@@ -36,7 +36,7 @@ static bool not_zero(struct row_reader *r, uint32_t probability)
     return is;
 }
 
-static int16_t value(struct row_reader *r, const uint16_t *cumulative, uint32_t multiple)
+static int32_t value(struct row_reader *r, const uint16_t *cumulative)
 {
     uint32_t slot = r->state & ROW_SLOT_MASK, s = 0;
     while (cumulative[s + 1] <= slot) /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
@@ -50,12 +50,18 @@ static int16_t value(struct row_reader *r, const uint16_t *cumulative, uint32_t 
         uint32_t e = s / 2;
         magnitude = (2u + s % 2u) << (e - 1u) | plain_bits(r, e - 1u);
     }
-    magnitude *= multiple;
-    if (magnitude > INT16_MAX) {
+    return plain_bits(r, 1) ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+/* Prediction plus residual, times the multiple: |.| stays below 2^30. */
+static int16_t entry(struct row_reader *r, int32_t v, uint32_t multiple)
+{
+    int32_t q = v * (int32_t)multiple;
+    if (q > INT16_MAX || q < -INT16_MAX) {
         r->damaged = true;
-        magnitude = INT16_MAX;
+        return 0;
     }
-    return (int16_t)(plain_bits(r, 1) ? -(int32_t)magnitude : (int32_t)magnitude);
+    return (int16_t)q;
 }
 
 void row_start(struct row_reader *r, const struct bank_view *bank, uint32_t row)
@@ -70,43 +76,67 @@ void row_start(struct row_reader *r, const struct bank_view *bank, uint32_t row)
 
 static void diagonal(struct row_reader *r, struct row_block *out)
 {
-    uint32_t class = r->factor->header->classes, multiple = r->factor->multiple[class];
-    const uint16_t *table = row_table(r->factor, class, 0);
+    const struct bank_factor_view *f = r->factor;
+    uint32_t context = f->context[row_context_index(f, r->level, f->header->classes)];
+    uint32_t multiple = row_multiple(f->level_unit[r->level], f->header->diagonal_unit);
+    const uint16_t *on = row_table(f, context >> 8 & 15u), *beside = row_table(f, context >> 12);
     *out = (struct row_block){.column = (uint16_t)r->row};
     for (int a = 0; a < 3; a++)      /* bound: 3 */
         for (int b = 0; b <= a; b++) /* bound: 3 */
-            out->value[3 * a + b] = value(r, a == b ? table : table + BANK_FACTOR_SYMBOLS + 1, multiple);
+            out->value[3 * a + b] = entry(r, value(r, a == b ? on : beside), multiple);
     r->column++;
+}
+
+/* The block of a column that is near enough; false when it is zero. */
+static bool off_diagonal(struct row_reader *r, const int32_t d[3], uint32_t d2, uint32_t log, uint32_t class,
+                         int16_t out[9])
+{
+    const struct bank_factor_view *f = r->factor;
+    uint32_t context = f->context[row_context_index(f, r->level, class)];
+    const int16_t *kernel = row_kernel_of(f, r->level, class);
+    bool coded = not_zero(r, row_significance(context)), any = false;
+    int32_t v[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
+    if (!row_kernel_void(kernel))
+        row_kernel(kernel, d, d2, v);
+    else if (!coded)
+        return false;
+    if (coded) {
+        const uint16_t *on = row_table(f, context >> 8 & 15u), *beside = row_table(f, context >> 12);
+        for (int k = 0; k < 9; k++) /* bound: 9 */
+            v[k] += value(r, k % 4 == 0 ? on : beside);
+    }
+    uint32_t multiple = row_multiple(f->level_unit[r->level], f->distance_unit[log]);
+    for (int k = 0; k < 9; k++) { /* bound: 9 */
+        out[k] = entry(r, v[k], multiple);
+        any = any || v[k] != 0;
+    }
+    return any;
 }
 
 uint32_t row_read(struct row_reader *r, uint32_t columns, struct row_block *out)
 {
     const struct bank_factor_view *f = r->factor;
     const uint16_t *here = f->place + 3 * r->row;
-    const uint32_t x = here[0], y = here[1], z = here[2];
-    uint32_t found = 0, stop = r->row - r->column < columns ? r->row : r->column + columns;
+    const int32_t x = here[0], y = here[1], z = here[2];
+    uint32_t found = 0, looked = r->column, stop = r->row - r->column < columns ? r->row : r->column + columns;
     while (r->column < stop) { /* bound: levels */
         uint32_t level_end = row_level_end(f, r->level), end = level_end < stop ? level_end : stop;
         uint32_t log0 = f->level_log[r->level], far = row_far(log0 + f->header->classes), j = r->column;
         const uint16_t *there = f->place + 3 * j;
         for (; j < end; j++, there += 3) { /* bound: columns */
-            uint32_t dx = x - there[0], dy = y - there[1], dz = z - there[2], d2 = dx * dx + dy * dy + dz * dz;
+            const int32_t d[3] = {x - there[0], y - there[1], z - there[2]};
+            uint32_t d2 = (uint32_t)(d[0] * d[0]) + (uint32_t)(d[1] * d[1]) + (uint32_t)(d[2] * d[2]);
             if (d2 >= far)
                 continue;
-            uint32_t log = row_ilog(d2), class = log > log0 ? log - log0 : 0;
-            if (!not_zero(r, f->significant[class]))
-                continue;
-            const uint16_t *table = row_table(f, class, 0);
-            struct row_block *block = &out[found++];
-            block->column = (uint16_t)j;
-            for (int k = 0; k < 9; k++) /* bound: 9 */
-                block->value[k] = value(r, k % 4 == 0 ? table : table + BANK_FACTOR_SYMBOLS + 1, f->multiple[class]);
+            uint32_t log = row_ilog(d2);
+            if (off_diagonal(r, d, d2, log, log > log0 ? log - log0 : 0, out[found].value))
+                out[found++].column = (uint16_t)j;
         }
         r->column = j;
         if (j == level_end)
             r->level++;
     }
-    if (r->column == r->row && found < columns)
+    if (r->column == r->row && r->column - looked < columns)
         diagonal(r, &out[found++]);
     return found;
 }

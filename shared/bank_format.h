@@ -110,34 +110,47 @@ struct bank_grid {
  * most of them zero. A product of a matrix with its own transpose is positive semidefinite whatever Q holds, so no step
  * and no code can make a contact system indefinite.
  *
- *   struct bank_factor | uint16 words: level_first[levels], level_log[levels], significant[classes], multiple[classes + 1],
- *   cumulative[2 (classes + 1)][BANK_FACTOR_SYMBOLS + 1], place[n][3], base[n / 32 + 1][2], offset[n + 1], code
+ *   struct bank_factor | 16 bit words: level_first[levels], level_log[levels], level_unit[levels], distance_unit[64],
+ *   context[levels][classes + 1], kernel[levels][classes][2] (signed), cumulative[tables][BANK_FACTOR_SYMBOLS + 1],
+ *   place[n][3], base[n / 32 + 1][2], offset[n + 1], code
  *
- * place: integer coordinates of the row's vertex, 0 .. 32767, one unit for the three axes. The rows of one level,
- * level_first[l] .. level_first[l+1] - 1, keep about one distance from the coarser ones; level_log is the ilog() of its
- * square. Column j of row i has the class ilog(|place_i - place_j|^2) - level_log[level of j], at least 0; from `classes`
- * on its block is zero and takes no code. ilog(x) = 2 e + b, e the highest set bit of x and b the bit below; 0 for x < 2.
+ * place: integer coordinates of the row's vertex, 0 .. 32767, one unit for the three axes. ilog(x) = 2 e + b, e the highest
+ * set bit of x and b the bit below; 0 for x < 2. The rows of one level l, level_first[l] .. level_first[l+1] - 1, keep about
+ * one distance from the coarser ones; level_log is the ilog() of its square. With D = place_i - place_j and log = ilog(D.D),
+ * column j of row i has the class log - level_log[l], l the level of j; at least 0. From `classes` on its block is zero and
+ * takes no code. Below, the block is multiple (prediction + residual):
+ *
+ *   multiple    row_multiple(level_unit[l], distance_unit[log]): what is far or coarse is kept less finely
+ *   prediction  nearest integer to (k0 [a = b] + k1 D_a D_b / D.D) / 8 with k = kernel[l][class], in float32 as written in
+ *               row_kernel() of firmware/row_code.h: the form of an elastic point response
+ *   residual    coded, with context[l][class]: bits 0..7 g, the probability of "not all zero" is (16 g + 8) / 4096;
+ *               bits 8..11 the table for the block's diagonal, 12..15 beside it
+ *
+ * The block (i, i) has no prediction, the multiple row_multiple(level_unit[l], diagonal_unit) and context[l][classes], l
+ * the level of i.
  *
  * Code of row i: words base[i / 32] (low, high) + offset[i] up to the next row's; an rANS stream (32 bit state, first two
  * words, low first; renormalised by a word when below 2^16; frequencies of 12 bits; it ends with the state 2^16). For each
- * column j < i that has a class c below `classes`: one bit "not zero" of probability significant[c] / 4096, then nine
- * values, row-major; at j = i the lower triangle, six values, always there. A value is a symbol s of the table 2 c for
- * the block's diagonal, 2 c + 1 beside it (c = classes for j = i), then plain bits: s < 4: |v| = s; else e = s/2,
- * |v| = 2^e + (s mod 2) 2^(e-1) + the next e - 1 bits; then, unless v = 0, the sign (1: negative). The entry of Q is
- * v * multiple[c]. */
+ * column j < i that has a class below `classes`: the bit "not all zero", then nine residuals, row-major; at j = i the lower
+ * triangle, six values, without that bit. A value v is a symbol s of its table, then plain bits: s < 4: |v| = s; else
+ * |v| = 2^e + (s mod 2) 2^(e-1) + the next e - 1 bits, e = s/2; then, unless v = 0, the sign (1: negative). */
 #define BANK_FACT BANK_TAG('F', 'A', 'C', 'T')
 enum {
     BANK_FACTOR_LEVELS = 32,
-    BANK_FACTOR_CLASSES = 48,
-    BANK_FACTOR_SYMBOLS = 30,
+    BANK_FACTOR_CLASSES = 40,
+    BANK_FACTOR_TABLES = 16,
+    BANK_FACTOR_SYMBOLS = 32,
     BANK_FACTOR_BITS = 12 /* of a frequency */
 };
 struct bank_factor {
-    float step;          /* (m/N)^(1/2) */
-    uint16_t max_blocks; /* of the longest row */
-    uint8_t levels;      /* 1 .. BANK_FACTOR_LEVELS */
-    uint8_t classes;     /* 1 .. BANK_FACTOR_CLASSES */
-    uint32_t reserved[2];
+    float step;             /* (m/N)^(1/2) */
+    uint16_t max_blocks;    /* of the longest row */
+    uint8_t levels;         /* 1 .. BANK_FACTOR_LEVELS */
+    uint8_t classes;        /* 1 .. BANK_FACTOR_CLASSES */
+    uint8_t tables;         /* 1 .. BANK_FACTOR_TABLES */
+    uint8_t reserved_byte;  /* 0 */
+    uint16_t diagonal_unit; /* see row_multiple() */
+    uint32_t reserved;      /* 0 */
 };
 
 /* CONT, required, count = 1: how contact is rendered. */

@@ -83,12 +83,14 @@ static void levels(struct order *o)
     }
 }
 
-uint32_t order_class(const struct order *o, size_t i, size_t j)
+uint32_t order_log(const struct order *o, size_t i, size_t j)
 {
-    uint32_t level = 0, log = row_ilog((uint32_t)squared(o->place + 3 * i, o->place + 3 * j));
-    while (level + 1 < o->levels && o->level_first[level + 1] <= j)
-        level++;
-    return log > o->level_log[level] ? log - o->level_log[level] : 0;
+    uint32_t d2 = 0;
+    for (int k = 0; k < 3; k++) {
+        int32_t d = o->place[3 * i + k] - o->place[3 * j + k];
+        d2 += (uint32_t)(d * d);
+    }
+    return row_ilog(d2);
 }
 
 int order_maximin(size_t rows, const double *position, struct order *o, struct failure *why)

@@ -22,8 +22,8 @@ struct order {
     uint16_t level_first[BANK_FACTOR_LEVELS], level_log[BANK_FACTOR_LEVELS];
 };
 
-/* Class of column j < i as the reader of the rows sees it, not limited from above. */
-uint32_t order_class(const struct order *order, size_t i, size_t j);
+/* ilog() of the squared distance of two rows: see section FACT. */
+uint32_t order_log(const struct order *order, size_t i, size_t j);
 
 /* `position`: 3 per row, m. Starts at the point nearest to the centroid. Time O(rows^2). STATUS_MEMORY. */
 int order_maximin(size_t rows, const double *position, struct order *order, struct failure *why);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "progress.h"
+#include "row_code.h"
 
 /* Block (i, j) of G, rows in the factor's order. */
 static void block_of(const struct compliance *c, uint32_t i, uint32_t j, double block[9])
@@ -23,6 +24,23 @@ static int rising(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
+}
+
+/* Smallest step for which every entry fits 16 bits and every sum of squares 31, with a tenth to spare for feedback. */
+static double smallest_step(const struct cholesky *c)
+{
+    double entry = 0, squares = 0;
+    size_t ld = 3 * c->rows;
+    for (size_t i = 0; i < ld; i++) {
+        double sum = 0;
+        for (size_t j = 0; j <= i; j++) {
+            double l = c->L[ld * j + i];
+            entry = fmax(entry, fabs(l));
+            sum += l * l;
+        }
+        squares = fmax(squares, sum);
+    }
+    return 1.1 * fmax(entry / INT16_MAX, sqrt(squares / 0x1p31));
 }
 
 int cholesky_build(const struct compliance *compliance, const struct order *order, struct cholesky *c,
@@ -63,6 +81,7 @@ int cholesky_build(const struct compliance *compliance, const struct order *orde
             pivot[pivots++] = c->L[(ld + 1) * k];
     qsort(pivot, pivots, sizeof *pivot, rising);
     c->median_diagonal = pivots ? pivot[pivots / 2] : 0;
+    c->smallest_step = smallest_step(c);
 done:
     free(pivot);
     free(fixed);
@@ -75,6 +94,42 @@ void cholesky_free(struct cholesky *c)
 {
     free(c->L);
     *c = (struct cholesky){0};
+}
+
+/* Mean of the diagonal of L over the columns of a level. */
+static double level_diagonal(const struct order *o, const struct cholesky *c, uint32_t level)
+{
+    size_t end = level + 1 < o->levels ? o->level_first[level + 1] : o->rows, first = o->level_first[level];
+    double sum = 0;
+    for (size_t k = 3 * first; k < 3 * end; k++)
+        sum += c->L[(3 * c->rows + 1) * k];
+    return sum / (double)(3 * (end - first));
+}
+
+static uint16_t unit_of(double x) /* 1/8 each, so that row_multiple is `fineness` times the product */
+{
+    return (uint16_t)fmin(2048, fmax(1, floor(x + 0.5)));
+}
+
+void rounding_choose(const struct order *o, const struct cholesky *c, double relative, struct rounding *r)
+{
+    const double near = 2, most = 8, power = 1.5; /* near: in mean spacings of the finer half */
+    /* the step of the integers is finer than the rounding near by, so that multiples come in fractions */
+    double wanted = relative * c->median_diagonal, step = fmax(wanted / 4, c->smallest_step), fineness = wanted / step;
+    double spacing = 0;
+    for (size_t k = o->rows / 2; k < o->rows; k++)
+        spacing += sqrt(o->spacing2[k]) / (double)(o->rows - o->rows / 2);
+    *r = (struct rounding){.step = step, .classes = 14, .feedback_classes = 8};
+    for (uint32_t l = 0; l < o->levels; l++) {
+        double diagonal = level_diagonal(o, c, l);
+        r->level_unit[l] = unit_of(8 * fineness * (diagonal > 0 ? pow(c->median_diagonal / diagonal, power) : 1));
+    }
+    for (uint32_t log = 0; log < 64; log++) {
+        double distance =
+            sqrt(1.2 * (double)row_far(log)) / spacing; /* 1.2: the middle of the interval of the square */
+        r->distance_unit[log] = unit_of(8 * fmin(most, fmax(1, distance / near)));
+    }
+    r->diagonal_unit = 8;
 }
 
 struct work {
@@ -103,13 +158,17 @@ static void product(const struct work *w, size_t j, double sum[9])
         sum[k] = (double)total[k];
 }
 
-static int32_t nearest(double x, uint16_t multiple)
+/* To the nearest multiple, but what is below 0.6 of one becomes zero: feedback makes good for it, and a zero costs less. */
+static int32_t nearest(double x, uint32_t multiple)
 {
-    return (int32_t)lround(fmax(-1e6, fmin(1e6, x / multiple))) * multiple;
+    double whole = x / multiple;
+    if (fabs(whole) < 0.6)
+        return 0;
+    return (int32_t)lround(fmax(-1e5, fmin(1e5, whole))) * (int32_t)multiple;
 }
 
 /* The block by rounding L itself. */
-static void plain(const struct work *w, size_t i, size_t j, uint16_t multiple, int32_t out[9])
+static void plain(const struct work *w, size_t i, size_t j, uint32_t multiple, int32_t out[9])
 {
     size_t ld = 3 * w->cholesky->rows;
     for (int k = 0; k < 9; k++)
@@ -117,7 +176,7 @@ static void plain(const struct work *w, size_t i, size_t j, uint16_t multiple, i
 }
 
 /* The block for which the product meets G_ij: X Q_jj^t = G_ij / step^2 - sum, a column at a time. */
-static void with_feedback(const struct work *w, size_t i, size_t j, uint16_t multiple, int32_t out[9])
+static void with_feedback(const struct work *w, size_t i, size_t j, uint32_t multiple, int32_t out[9])
 {
     const struct factor *f = w->factor;
     const int16_t *d = f->block[f->start[j + 1] - 1].value;
@@ -134,7 +193,7 @@ static void with_feedback(const struct work *w, size_t i, size_t j, uint16_t mul
 }
 
 /* The diagonal block: what of G_ii the row has not spent yet. Where rounding has spent nearly all, L's own. */
-static void diagonal(const struct work *w, size_t i, uint16_t multiple, int32_t out[9])
+static void diagonal(const struct work *w, size_t i, uint32_t multiple, int32_t out[9])
 {
     const struct factor *f = w->factor;
     double rest[9], step = f->rounding.step, l[9] = {0};
@@ -167,7 +226,7 @@ static void diagonal(const struct work *w, size_t i, uint16_t multiple, int32_t 
             double own = w->cholesky->L[ld * (3 * i + b) + 3 * i + a] / step;
             out[3 * a + b] = b > a ? 0 : nearest(good ? l[3 * a + b] : own, multiple);
             if (a == b && own > 0 && out[4 * a] == 0)
-                out[4 * a] = multiple; /* feedback divides by it */
+                out[4 * a] = (int32_t)multiple; /* feedback divides by it */
         }
 }
 
@@ -201,27 +260,26 @@ static int round_row(struct work *w, size_t i, struct failure *why)
 {
     struct factor *f = w->factor;
     const struct rounding *r = &f->rounding;
-    double squares[3] = {0}, near2 = r->feedback * r->feedback;
-    const uint16_t *here = w->order->place + 3 * i;
+    double squares[3] = {0};
+    uint32_t level = 0;
     memset(w->row, 0, 9 * (i + 1) * sizeof *w->row);
     size_t first = f->start[i];
     f->start[i + 1] = first;
     f->rows = i + 1;
     for (size_t j = 0; j <= i; j++) {
-        uint32_t class = j == i ? r->classes : order_class(w->order, i, j);
+        if (level + 1 < w->order->levels && w->order->level_first[level + 1] == j)
+            level++;
+        uint32_t log = order_log(w->order, i, j), log0 = w->order->level_log[level];
+        uint32_t class = log > log0 ? log - log0 : 0, unit = r->level_unit[level];
         if (j < i && class >= r->classes)
             continue;
         int32_t *out = w->row + 9 * j, any = j == i;
-        const uint16_t *there = w->order->place + 3 * j;
-        double d2 = 0;
-        for (int k = 0; k < 3; k++)
-            d2 += ((double)here[k] - there[k]) * ((double)here[k] - there[k]);
         if (j == i)
-            diagonal(w, i, r->multiple[class], out);
-        else if (d2 < near2)
-            with_feedback(w, i, j, r->multiple[class], out);
+            diagonal(w, i, row_multiple(unit, r->diagonal_unit), out);
+        else if (class < r->feedback_classes)
+            with_feedback(w, i, j, row_multiple(unit, r->distance_unit[log]), out);
         else
-            plain(w, i, j, r->multiple[class], out);
+            plain(w, i, j, row_multiple(unit, r->distance_unit[log]), out);
         for (int k = 0; k < 9; k++) {
             any |= out[k];
             squares[k / 3] += (double)out[k] * out[k];

@@ -20,17 +20,24 @@ struct cholesky {
     size_t rows;
     double *L;
     double median_diagonal; /* of the entries L_kk that are not zero; (m/N)^(1/2) */
+    double smallest_step;   /* for which the integers fit their 16 and 31 bits, with a tenth to spare */
 };
 int cholesky_build(const struct compliance *compliance, const struct order *order, struct cholesky *cholesky,
                    struct failure *why);
 void cholesky_free(struct cholesky *cholesky);
 
+/* How finely each block is kept: multiples of the step, row_multiple(level_unit[level of j], distance_unit[log]) for (i, j)
+ * (section FACT). Feedback leaves in G_ij the rounding of block (i, j) alone, times L_jj. Contact forces depend on the
+ * differences between near points, so the multiple grows with the distance, and as a power of 1 / L_jj. */
 struct rounding {
-    double step;      /* absolute, (m/N)^(1/2) */
-    double feedback;  /* distance between rows up to which feedback is used, in units of order.place */
-    uint32_t classes; /* of columns that may hold a block */
-    uint16_t multiple[BANK_FACTOR_CLASSES + 1]; /* of the step, by class; the last entry used is the diagonal's */
+    double step;                        /* absolute, (m/N)^(1/2) */
+    uint32_t classes, feedback_classes; /* of columns that may hold a block, that use feedback */
+    uint16_t level_unit[BANK_FACTOR_LEVELS], distance_unit[64], diagonal_unit;
 };
+/* The rounding that has been found best on livers (numbers in DESIGN.md), `relative` being the rounding of neighbouring
+ * blocks as a part of the median diagonal of L. */
+void rounding_choose(const struct order *order, const struct cholesky *cholesky, double relative,
+                     struct rounding *rounding);
 
 struct factor {
     size_t rows;
