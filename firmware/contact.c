@@ -106,9 +106,20 @@ uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m
     return factors;
 }
 
+/* Compliance block between corner i of one contact and corner j of another. */
+static void block_between(const struct row_cache *g, const struct bank_view *bank, const struct contact *at, int i,
+                          const struct contact *from, int j, float block[9])
+{
+    if (g->stride)
+        row_cache_block(g, at->slot[i], from->slot[j], block);
+    else
+        bank_view_compliance(bank, bank->row_of[bank->triangles[at->triangle].vertex[i]],
+                             bank->row_of[bank->triangles[from->triangle].vertex[j]], block);
+}
+
 /* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
  * directions, as G_ji is the transpose of G_ij. */
-static void assemble_response(struct contact_set *s, const struct bank_view *bank)
+static void assemble_response(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
 {
     uint32_t m = s->count;
     for (uint32_t c = 0; c < m; c++)        /* bound: CONTACT_MAX */
@@ -124,7 +135,7 @@ static void assemble_response(struct contact_set *s, const struct bank_view *ban
                     float w = at->weights[i] * from->weights[j], G[9];
                     if (row == BANK_NONE || column == BANK_NONE || w == 0.0f)
                         continue;
-                    bank_view_compliance(bank, row, column, G);
+                    block_between(g, bank, at, i, from, j, G);
                     for (int a = 0; a < 3; a++) { /* bound: 3 */
                         forth[a] += w * real_dot(&G[3 * a], from->normal);
                         back[a] += w * (G[a] * at->normal[0] + G[3 + a] * at->normal[1] + G[6 + a] * at->normal[2]);
@@ -143,8 +154,10 @@ static void gather(struct contact_set *s, const struct collide *points)
     s->count = 0;
     for (uint32_t i = 0; i < points->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
         const struct collide_point *p = &points->point[i];
-        if (!p->touching)
+        if (!p->touching) {
+            s->hold[i].valid = false;
             continue;
+        }
         struct contact *c = &s->contact[s->count++];
         c->point = i;
         c->triangle = p->triangle;
@@ -156,10 +169,78 @@ static void gather(struct contact_set *s, const struct collide *points)
     }
 }
 
-void contact_update(struct contact_set *s, const struct bank_view *bank, const struct collide *points)
+/* Have the rows of the contact's triangle ready beside those in use. False, and nothing is taken into use, if they cannot
+ * be in this tick. */
+static bool take_rows(struct contact_set *s, struct row_cache *g, const struct bank_view *bank, struct contact *c)
 {
+    uint32_t count = s->in_use_count;
+    for (int k = 0; k < 3; k++) { /* bound: 3 */
+        uint16_t row = bank->row_of[bank->triangles[c->triangle].vertex[k]];
+        c->slot[k] = ROW_CACHE_NO_SLOT;
+        if (row == BANK_NONE)
+            continue;
+        c->slot[k] = row_cache_slot(g, bank, row);
+        bool known = false;
+        for (uint32_t u = 0; u < count; u++) /* bound: ROW_CACHE_SLOTS */
+            known |= s->in_use[u] == c->slot[k];
+        if (known)
+            continue;
+        if (c->slot[k] == ROW_CACHE_NO_SLOT || count == ROW_CACHE_SLOTS)
+            return false;
+        s->in_use[count++] = c->slot[k];
+    }
+    if (!row_cache_prepare(g, s->in_use, s->in_use_count, count))
+        return false;
+    s->in_use_count = count;
+    return true;
+}
+
+/* On its new anchor, else on the last one. */
+static bool admit(struct contact_set *s, struct row_cache *g, const struct bank_view *bank, struct contact *c)
+{
+    struct contact_hold *hold = &s->hold[c->point];
+    bool ready = take_rows(s, g, bank, c);
+    if (!ready && hold->valid && hold->triangle != c->triangle) {
+        c->triangle = hold->triangle;
+        for (int k = 0; k < 3; k++) /* bound: 3 */
+            c->weights[k] = hold->weights[k];
+        ready = take_rows(s, g, bank, c);
+        s->held += ready;
+    }
+    hold->valid = ready;
+    hold->triangle = c->triangle;
+    for (int k = 0; k < 3; k++) /* bound: 3 */
+        hold->weights[k] = c->weights[k];
+    s->waiting += !ready;
+    return ready;
+}
+
+/* Leave out the contacts whose rows are not there; those that pushed last tick choose first. */
+static void admit_all(struct contact_set *s, struct row_cache *g, const struct bank_view *bank)
+{
+    uint32_t ready = 0, kept = 0;
+    s->in_use_count = 0;
+    if (g->stride == 0)
+        return;
+    for (uint32_t turn = 0; turn < 2; turn++)     /* bound: 2 */
+        for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+            bool pushed = s->active >> s->contact[c].point & 1u;
+            if (pushed == (turn == 0) && admit(s, g, bank, &s->contact[c]))
+                ready |= 1u << c;
+        }
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        if (ready >> c & 1u)
+            s->contact[kept++] = s->contact[c];
+    s->count = kept;
+}
+
+void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                    const struct collide *points)
+{
+    row_cache_begin(g);
     gather(s, points);
-    assemble_response(s, bank);
+    admit_all(s, g, bank);
+    assemble_response(s, g, bank);
     uint32_t m = s->count, guess = 0;
     float softness = 1.0f / bank->contact->coupling_stiffness_N_m, depth[CONTACT_MAX], p[CONTACT_MAX];
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
@@ -196,10 +277,38 @@ void contact_update(struct contact_set *s, const struct bank_view *bank, const s
         s->proxy_offset_m[a] = softness * s->force_N[a];
 }
 
+/* The three corners of a triangle that is not in use yet. */
+static void expect_triangle(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                            uint32_t triangle)
+{
+    for (int k = 0; k < 3; k++) /* bound: 3; rows that are ready cost a look */
+        row_cache_expect(g, bank, bank->row_of[bank->triangles[triangle].vertex[k]], s->in_use, s->in_use_count);
+}
+
+void contact_expect(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                    const struct collide *points, const float velocity_m_s[3])
+{
+    if (g->stride == 0 || points->count == 0)
+        return;
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        for (int k = 0; k < 3; k++)         /* bound: 3 */
+            expect_triangle(s, g, bank, bank->triangles[s->contact[c].triangle].neighbour[k]);
+
+    const struct collide_point *p = &points->point[g->tick % points->count];
+    float ahead[3];
+    struct collide_hit hit;
+    for (int k = 0; k < 3; k++) /* bound: 3 */
+        ahead[k] = p->position_m[k] + CONTACT_FORESIGHT_S * velocity_m_s[k];
+    if (!p->touching && p->known && collide_sweep(bank, p->position_m, ahead, &hit))
+        expect_triangle(s, g, bank, hit.triangle);
+}
+
 void contact_clear(struct contact_set *s)
 {
     s->count = 0;
     s->active = 0;
+    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
+        s->hold[i].valid = false;
     for (int a = 0; a < 3; a++) /* bound: 3 */
         s->force_N[a] = s->proxy_offset_m[a] = 0.0f;
 }

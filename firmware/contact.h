@@ -21,6 +21,9 @@
 
 #include "bank_view.h"
 #include "collide.h"
+#include "row_cache.h"
+
+#define CONTACT_FORESIGHT_S 0.05f
 
 enum {
     CONTACT_MAX = BANK_MAX_TOOL_POINTS,
@@ -31,27 +34,47 @@ struct contact {
     uint32_t point; /* of the tool */
     uint32_t triangle;
     float weights[3];
+    uint8_t slot[3];  /* of the rows of its vertices; of no use with a plain bank */
     float normal[3];  /* outward */
     float depth_m;    /* of the device's point below the anchor */
     float pressure_N; /* p_c >= 0 */
-    float displacement_m
-        [3]; /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
+    /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
+    float displacement_m[3];
+};
+
+/* The anchor with which a point was last part of the system. */
+struct contact_hold {
+    bool valid;
+    uint32_t triangle;
+    float weights[3];
 };
 
 struct contact_set {
     uint32_t count;
     struct contact contact[CONTACT_MAX];
+    struct contact_hold hold[CONTACT_MAX]; /* per tool point */
+    uint8_t in_use[ROW_CACHE_SLOTS];       /* slots of the rows in the system */
+    uint32_t in_use_count;
     float response[CONTACT_MAX][CONTACT_MAX][3]; /* g_cd */
     float system[CONTACT_MAX][CONTACT_MAX];      /* A */
     uint32_t active;                             /* bit per tool point: the next tick starts from this tick's answer */
     uint32_t factors;                            /* factorisations of this tick */
     uint32_t cut;            /* counter: ticks in which the method stopped at its bound, with a feasible force */
+    uint32_t held, waiting;  /* counters: contacts on their last anchor, and contacts left out, for lack of rows */
     float force_N[3];        /* of the tissue on the tool: sum p_c n_c */
     float proxy_offset_m[3]; /* proxy's tip minus device's tip: force / k */
 };
 
-/* Gather the touching points, assemble, solve, evaluate. */
-void contact_update(struct contact_set *s, const struct bank_view *bank, const struct collide *points);
+/* Gather the touching points, assemble, solve, evaluate. With a factor bank a contact needs its rows prepared within the
+ * tick's work (row_cache.h); those that pushed last tick choose first. Where a contact has slid onto rows that are not
+ * ready, it is held on its last anchor with its new depth and normal; one that has just begun is left out until they are. */
+void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                    const struct collide *points);
+
+/* Prepare rows that the tool may meet next, with the work that is left: the far corners of the triangles around each
+ * contact, and for one free point a tick the triangle that it would hit within CONTACT_FORESIGHT_S. */
+void contact_expect(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                    const struct collide *points, const float velocity_m_s[3]);
 
 /* No contact, no force. */
 void contact_clear(struct contact_set *s);

@@ -27,6 +27,9 @@ bool hal_can_transmit(const struct can_frame_t *frame);
 /* Where the bank lies: 16-byte aligned, readable as long as the controller runs. NULL when there is none. */
 const void *hal_bank(size_t *length);
 
+/* RAM for rows of the bank (row_cache.h), aligned to 4. A plain bank needs none. */
+void *hal_memory(size_t *bytes);
+
 /* True while the controller should go on; a board never stops. */
 bool hal_running(void);
 

@@ -35,13 +35,14 @@ int loop_run(uint8_t node_id)
 {
     static struct node node; /* the one state of the controller */
     static struct bank_view bank;
-    size_t length = 0;
+    size_t length = 0, room = 0;
     const void *bytes = hal_bank(&length);
+    void *memory = hal_memory(&room);
     int status = bytes ? bank_view_open(&bank, bytes, length) : STATUS_BANK_MAGIC;
+    if (status == STATUS_OK)
+        status = node_start(&node, &bank, 0, node_id, memory, room);
     if (status != STATUS_OK)
         return refuse(status, node_id);
-
-    node_start(&node, &bank, 0, node_id);
     transmit_queue(&node);
     uint64_t start_us = hal_time_us();
     while (hal_running()) { /* bound: none, this is the controller's life */

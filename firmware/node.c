@@ -32,11 +32,13 @@ static void send_heartbeat(struct node *n, uint8_t nmt_state)
     wire_heartbeat_pack(enqueue(n, WIRE_HEARTBEAT_ID + n->node_id, WIRE_HEARTBEAT_LENGTH)->data, &m);
 }
 
-void node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id)
+int node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id, void *memory,
+               size_t bytes)
 {
     *n = (struct node){.bank = bank, .node_id = node_id};
-    controller_start(&n->controller, instrument);
+    int status = controller_start(&n->controller, bank, instrument, memory, bytes);
     send_heartbeat(n, 0);
+    return status;
 }
 
 void node_begin_tick(struct node *n)

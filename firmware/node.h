@@ -48,8 +48,10 @@ struct node {
     uint32_t health_page, pose_set;
 };
 
-/* `instrument` selects the bank's TOOL record. Queues the boot-up heartbeat; the state is INIT, silent. */
-void node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id);
+/* `instrument` selects the bank's TOOL record; `memory` as for controller_start, whose status is returned. Queues the
+ * boot-up heartbeat; the state is INIT, silent. */
+int node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id, void *memory,
+               size_t bytes);
 void node_begin_tick(struct node *n);
 void node_receive(struct node *n, const struct can_frame_t *frame);
 void node_finish_tick(struct node *n);

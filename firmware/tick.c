@@ -2,9 +2,11 @@
 
 #include "real.h"
 
-void controller_start(struct controller *c, uint32_t instrument)
+int controller_start(struct controller *c, const struct bank_view *bank, uint32_t instrument, void *memory,
+                     size_t bytes)
 {
     *c = (struct controller){.instrument = instrument};
+    return row_cache_start(&c->rows, bank, memory, bytes) ? STATUS_OK : STATUS_BANK_MEMORY;
 }
 
 /* Encoder counts -> pose. True when this tick has a sample to act on; otherwise the safety state has counted why not. */
@@ -33,7 +35,8 @@ static void touch(struct controller *c, const struct bank_view *bank, const stru
     for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
         kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
     collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
-    contact_update(&c->contact, bank, &c->collide);
+    contact_update(&c->contact, &c->rows, bank, &c->collide);
+    contact_expect(&c->contact, &c->rows, bank, &c->collide, c->kinematics.velocity_m_s);
     for (int i = 0; i < 3; i++) /* bound: 3 */
         if (!real_finite(c->contact.force_N[i])) {
             c->safety.nonfinite++;

@@ -10,6 +10,7 @@
 
 #include "bank_view.h"
 #include "collide.h"
+#include "row_cache.h"
 #include "contact.h"
 #include "coupling.h"
 #include "kinematics.h"
@@ -40,11 +41,15 @@ struct controller {
     struct safety safety;         /* state, counters, reasons */
     struct kinematics kinematics; /* joint angles, pose, Jacobian */
     struct collide collide;       /* per tool point: last position, contact anchor */
+    struct row_cache rows;        /* rows of the bank that are in use, in the memory given at start */
     struct contact_set contact;   /* system, active set, forces of this tick */
     struct coupling coupling;     /* tip force after limits, passivity energy */
 };
 
-void controller_start(struct controller *c, uint32_t instrument);
+/* `memory`: row_cache_memory(bank) bytes or more for rows, aligned to 4, kept by the caller; NULL with a plain bank.
+ * STATUS_OK, or STATUS_BANK_MEMORY when they are fewer. */
+int controller_start(struct controller *c, const struct bank_view *bank, uint32_t instrument, void *memory,
+                     size_t bytes);
 void tick(struct controller *c, const struct bank_view *bank, const struct tick_input *in, struct tick_output *out);
 
 #endif

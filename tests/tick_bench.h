@@ -12,6 +12,7 @@
 
 struct bench {
     unsigned char *bytes;
+    void *rows;
     struct bank_view bank;
     struct node node;
     struct can_frame_t boot; /* what the node sent first */
@@ -27,13 +28,17 @@ static inline void bench_open(struct bench *b, const struct bank_fixture_options
     b->bytes = bank_fixture(options, &length);
     if (bank_view_open(&b->bank, b->bytes, length) != STATUS_OK)
         abort();
-    node_start(&b->node, &b->bank, 0, 1);
+    size_t rows = row_cache_memory(&b->bank);
+    b->rows = rows ? malloc(rows) : NULL;
+    if (node_start(&b->node, &b->bank, 0, 1, b->rows, rows) != STATUS_OK)
+        abort();
     node_transmit(&b->node, &b->boot);
 }
 
 static inline void bench_close(struct bench *b)
 {
     free(b->bytes);
+    free(b->rows);
 }
 
 /* Counts for joint angles and insertion. */

@@ -23,6 +23,7 @@ struct session {
     struct device_model model; /* the catalogue's mechanics with the bank's calibration */
     struct device_node device;
     struct node node;
+    void *rows; /* the controller's memory for rows of the bank */
     struct link link;
     struct bus *bus;
     int node_port, device_port, host_port;
@@ -175,6 +176,10 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     s->hand.gesture = &s->gesture;
     if (!status)
         status = attach(s, why);
+    size_t rows = row_cache_memory(&bank->view);
+    s->rows = rows ? malloc(rows) : NULL;
+    if (!status && rows && !s->rows)
+        status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the controller's rows (%zu bytes)", rows);
     if (!status)
         status = torque_log_open(&s->log, options->torque_log, why);
     if (status) {
@@ -182,7 +187,7 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
         return status;
     }
     fem_record_start(&s->record, options->fem_every);
-    node_start(&s->node, &bank->view, 0, SESSION_NODE);
+    node_start(&s->node, &bank->view, 0, SESSION_NODE, s->rows, rows);
     send_queued(s);
     device_node_start(&s->device, &s->model, &s->hand, SESSION_NODE);
     bench_gravity(&bank->view.tools[0], s->device.device.gravity_direction);
@@ -418,5 +423,6 @@ void session_free(struct session *s)
     torque_log_discard(&s->log);
     fem_record_free(&s->record);
     bus_free(s->bus);
+    free(s->rows);
     free(s);
 }

@@ -130,7 +130,9 @@ static void run(const struct bank_view *view)
 {
     static struct controller c;
     struct tick_output out;
-    controller_start(&c, 0);
+    size_t rows = row_cache_memory(view);
+    void *memory = rows ? malloc(rows) : NULL;
+    assert_int_equal(controller_start(&c, view, 0, memory, rows), STATUS_OK);
     for (unsigned k = 0; k < 60; k++) {
         struct tick_input in = {.fresh = true, .sequence = (uint8_t)(k & 15), .acknowledge = k == 25};
         for (int a = 0; a < 3; a++) {
@@ -141,6 +143,7 @@ static void run(const struct bank_view *view)
         for (int a = 0; a < 3; a++)
             assert_true(isfinite(out.torque[a]));
     }
+    free(memory);
 }
 
 static void show(const struct bank_view *view)

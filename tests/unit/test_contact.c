@@ -253,6 +253,8 @@ static void assembled_force_and_displacement_agree_with_a_dense_evaluation(void 
     unsigned char *bytes = bank_fixture(NULL, &length);
     struct bank_view bank;
     assert_int_equal(bank_view_open(&bank, bytes, length), STATUS_OK);
+    static struct row_cache plain;
+    assert_true(row_cache_start(&plain, &bank, NULL, 0));
     double epsilon = bank.contact->regularisation_m_N, k = bank.contact->coupling_stiffness_N_m, worst = 0, worst_u = 0;
     for (int n = 0; n < 300; n++) {
         struct collide points = {.count = 1 + random_below(8)};
@@ -274,7 +276,7 @@ static void assembled_force_and_displacement_agree_with_a_dense_evaluation(void 
         }
         static struct contact_set s;
         memset(&s, 0, sizeof s);
-        contact_update(&s, &bank, &points);
+        contact_update(&s, &plain, &bank, &points);
         assert_int_equal(s.count, m);
 
         double g[8][8][3], A[64], d[8], p[16], force[3] = {0}, scale = 0;

@@ -40,6 +40,13 @@ const void *hal_bank(size_t *length)
     return 0;
 }
 
+/* What is left of the RAM; README.md says how much a bank needs. */
+void *hal_memory(size_t *bytes)
+{
+    *bytes = 0;
+    return 0;
+}
+
 bool hal_running(void)
 {
     return time_us < 1000000; /* a board returns true */

@@ -30,6 +30,13 @@ const void *hal_bank(size_t *length)
     return bank;
 }
 
+void *hal_memory(size_t *bytes)
+{
+    static uint64_t memory[(4u << 20) / 8]; /* 4 MiB: rows of up to 4400 blocks */
+    *bytes = sizeof memory;
+    return memory;
+}
+
 bool hal_running(void)
 {
     return running;

@@ -1,0 +1,143 @@
+#include "row_cache.h"
+
+enum { PAIRS = ROW_CACHE_SLOTS * (ROW_CACHE_SLOTS + 1) / 2 };
+
+/* Place of the pair of two slots in the table. */
+static uint32_t place(uint32_t high, uint32_t low)
+{
+    return high * (high + 1) / 2 + low;
+}
+
+size_t row_cache_memory(const struct bank_view *bank)
+{
+    uint32_t stride = row_max_blocks(bank);
+    return stride == 0 ? 0 : ROW_CACHE_SLOTS * (size_t)stride * sizeof(struct row_block) + PAIRS * 9 * sizeof(float);
+}
+
+bool row_cache_start(struct row_cache *g, const struct bank_view *bank, void *memory, size_t bytes)
+{
+    *g = (struct row_cache){.stride = row_max_blocks(bank)};
+    if (g->stride == 0)
+        return true;
+    if (!memory || bytes < row_cache_memory(bank))
+        return false;
+    g->pair = (float(*)[9])memory; /* floats first: the blocks need only 2-byte alignment */
+    g->blocks = (struct row_block *)(void *)(g->pair + PAIRS);
+    g->scale = bank->factor.header->step * bank->factor.header->step;
+    return true;
+}
+
+void row_cache_begin(struct row_cache *g)
+{
+    g->tick++;
+    g->work = ROW_CACHE_WORK;
+}
+
+static void spend(struct row_cache *g, uint32_t work)
+{
+    g->work = work < g->work ? g->work - work : 0;
+    uint32_t spent = ROW_CACHE_WORK - g->work;
+    g->most_work = spent > g->most_work ? spent : g->most_work;
+}
+
+uint8_t row_cache_slot(struct row_cache *g, const struct bank_view *bank, uint16_t row)
+{
+    uint32_t oldest = ROW_CACHE_NO_SLOT;
+    for (uint32_t s = 0; s < ROW_CACHE_SLOTS; s++) { /* bound: ROW_CACHE_SLOTS */
+        struct row_cache_slot *slot = &g->slot[s];
+        if (slot->held && slot->row == row) {
+            slot->used = g->tick;
+            return (uint8_t)s;
+        }
+        if (slot->held && slot->used == g->tick)
+            continue;
+        if (oldest == ROW_CACHE_NO_SLOT || !slot->held ||
+            (g->slot[oldest].held && g->tick - slot->used > g->tick - g->slot[oldest].used))
+            oldest = s;
+    }
+    if (oldest == ROW_CACHE_NO_SLOT)
+        return ROW_CACHE_NO_SLOT;
+    struct row_cache_slot *slot = &g->slot[oldest];
+    g->rows_dropped += slot->held;
+    for (uint32_t s = 0; s < ROW_CACHE_SLOTS; s++) /* bound: ROW_CACHE_SLOTS */
+        g->slot[s].known &= ~((uint64_t)1 << oldest);
+    *slot = (struct row_cache_slot){.held = true, .row = row, .used = g->tick};
+    row_start(&slot->reader, bank, row);
+    return (uint8_t)oldest;
+}
+
+static const struct row_block *blocks_of(const struct row_cache *g, uint32_t slot)
+{
+    return g->blocks + (size_t)slot * g->stride;
+}
+
+/* Read on until the row is complete or the work is spent. */
+static bool read_row(struct row_cache *g, uint8_t s)
+{
+    struct row_cache_slot *slot = &g->slot[s];
+    while (!slot->ready && g->work > 0) { /* bound: rows / ROW_CACHE_PORTION + 1 */
+        uint32_t found = row_read(&slot->reader, ROW_CACHE_PORTION, g->blocks + (size_t)s * g->stride + slot->blocks);
+        slot->blocks += found;
+        slot->ready = row_finished(&slot->reader);
+        g->rows_read += slot->ready;
+        spend(g, ROW_CACHE_PORTION * ROW_CACHE_COLUMN_WORK + found * ROW_CACHE_BLOCK_WORK);
+    }
+    return slot->ready;
+}
+
+/* G between two complete rows, into the table. */
+static bool multiply(struct row_cache *g, uint8_t s, uint8_t t)
+{
+    struct row_cache_slot *a = &g->slot[s], *b = &g->slot[t];
+    if (a->known >> t & 1u)
+        return true;
+    if (g->work == 0)
+        return false;
+    uint32_t high = s > t ? s : t, low = s > t ? t : s;
+    int32_t sum[9];
+    row_dot(blocks_of(g, high), g->slot[high].blocks, blocks_of(g, low), g->slot[low].blocks, sum);
+    float *block = g->pair[place(high, low)];
+    for (int e = 0; e < 9; e++) /* bound: 9 */
+        block[e] = g->scale * (float)sum[e];
+    a->known |= (uint64_t)1 << t;
+    b->known |= (uint64_t)1 << s;
+    g->products++;
+    spend(g, (a->blocks < b->blocks ? a->blocks : b->blocks) * ROW_CACHE_DOT_WORK);
+    return true;
+}
+
+bool row_cache_prepare(struct row_cache *g, const uint8_t *slots, uint32_t first, uint32_t count)
+{
+    for (uint32_t i = first; i < count; i++) /* bound: ROW_CACHE_SLOTS */
+        if (!read_row(g, slots[i]))
+            return false;
+    for (uint32_t i = first; i < count; i++) /* bound: ROW_CACHE_SLOTS */
+        for (uint32_t j = 0; j <= i; j++)    /* bound: ROW_CACHE_SLOTS */
+            if (!multiply(g, slots[i], slots[j]))
+                return false;
+    return true;
+}
+
+void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_t row, const uint8_t *slots,
+                      uint32_t count)
+{
+    if (g->stride == 0 || row == BANK_NONE || g->work == 0)
+        return;
+    uint8_t s = row_cache_slot(g, bank, row);
+    if (s == ROW_CACHE_NO_SLOT || !read_row(g, s))
+        return;
+    for (uint32_t i = 0; i < count; i++) /* bound: ROW_CACHE_SLOTS */
+        if (!multiply(g, s, slots[i]))
+            return;
+    multiply(g, s, s);
+}
+
+void row_cache_block(const struct row_cache *g, uint8_t slot, uint8_t other, float block[9])
+{
+    bool turned = slot < other;
+    uint32_t high = turned ? other : slot, low = turned ? slot : other;
+    const float *pair = g->pair[place(high, low)];
+    for (int a = 0; a < 3; a++)     /* bound: 3 */
+        for (int b = 0; b < 3; b++) /* bound: 3 */
+            block[3 * a + b] = turned ? pair[3 * b + a] : pair[3 * a + b];
+}
