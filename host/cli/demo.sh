@@ -42,6 +42,7 @@ number()
 # Reads the line of JSON that the run prints when it is over; with HOLD the page is still up then.
 table()
 {
+    trap '' INT # Ctrl-C is for the run; its end is the end of the line here
     IFS= read -r line || return 1
     printf '%s\n' "$line" >"$out/$name.run.json"
     b=$out/$name.build.json
@@ -66,7 +67,7 @@ table()
 echo "The bank of $file:"
 "$build/trocar" build "$file" -o "$out/$name.bank" --json >"$out/$name.build.json"
 echo "Device, controller and host:"
-trap : INT # the table and the status are for whoever ends HOLD with Ctrl-C, too
+trap : INT # whoever ends HOLD with Ctrl-C still gets the table and the status
 echo 1 >"$out/status"
 {
     status=0
