@@ -46,7 +46,7 @@ leave()
     fi
 }
 trap leave EXIT
-trap 'exit 130' INT TERM
+trap 'exit 130' INT TERM HUP PIPE
 
 cp -a "$base/." "$root/"
 cp -L /etc/resolv.conf /etc/hosts "$root/etc/"
