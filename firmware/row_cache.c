@@ -30,14 +30,18 @@ bool row_cache_start(struct row_cache *g, const struct bank_view *bank, void *me
 void row_cache_begin(struct row_cache *g)
 {
     g->tick++;
-    g->work = ROW_CACHE_WORK;
+    g->work = 0;
 }
 
 static void spend(struct row_cache *g, uint32_t work)
 {
-    g->work = work < g->work ? g->work - work : 0;
-    uint32_t spent = ROW_CACHE_WORK - g->work;
-    g->most_work = spent > g->most_work ? spent : g->most_work;
+    g->work += work;
+    g->most_work = g->work > g->most_work ? g->work : g->most_work;
+}
+
+static bool may_work(const struct row_cache *g)
+{
+    return g->work < ROW_CACHE_WORK;
 }
 
 uint8_t row_cache_slot(struct row_cache *g, const struct bank_view *bank, uint16_t row)
@@ -75,7 +79,7 @@ static const struct row_block *blocks_of(const struct row_cache *g, uint32_t slo
 static bool read_row(struct row_cache *g, uint8_t s)
 {
     struct row_cache_slot *slot = &g->slot[s];
-    while (!slot->ready && g->work > 0) { /* bound: rows / ROW_CACHE_PORTION + 1 */
+    while (!slot->ready && may_work(g)) { /* bound: rows / ROW_CACHE_PORTION + 1 */
         uint32_t found = row_read(&slot->reader, ROW_CACHE_PORTION, g->blocks + (size_t)s * g->stride + slot->blocks);
         slot->blocks += found;
         slot->ready = row_finished(&slot->reader);
@@ -91,7 +95,7 @@ static bool multiply(struct row_cache *g, uint8_t s, uint8_t t)
     struct row_cache_slot *a = &g->slot[s], *b = &g->slot[t];
     if (a->known >> t & 1u)
         return true;
-    if (g->work == 0)
+    if (!may_work(g))
         return false;
     uint32_t high = s > t ? s : t, low = s > t ? t : s;
     int32_t sum[9];
@@ -121,7 +125,7 @@ bool row_cache_prepare(struct row_cache *g, const uint8_t *slots, uint32_t first
 void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_t row, const uint8_t *slots,
                       uint32_t count)
 {
-    if (g->stride == 0 || row == BANK_NONE || g->work == 0)
+    if (g->stride == 0 || row == BANK_NONE || !may_work(g))
         return;
     uint8_t s = row_cache_slot(g, bank, row);
     if (s == ROW_CACHE_NO_SLOT || !read_row(g, s))

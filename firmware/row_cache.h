@@ -42,7 +42,7 @@ struct row_cache {
     float (*pair)[9];                                      /* slots s >= t: G between them at s (s + 1) / 2 + t */
     uint32_t stride;                                       /* 0: plain bank */
     float scale;                                           /* step squared */
-    uint32_t tick, work;                                   /* work left in this tick */
+    uint32_t tick, work;                                   /* work: done in this tick */
     uint32_t rows_read, rows_dropped, products, most_work; /* counters; most_work: of one tick */
     struct row_cache_slot slot[ROW_CACHE_SLOTS];
 };
@@ -53,7 +53,7 @@ size_t row_cache_memory(const struct bank_view *bank);
 /* `memory`: `bytes` bytes, aligned to 4, kept by the caller. False when they are fewer than row_cache_memory. */
 bool row_cache_start(struct row_cache *g, const struct bank_view *bank, void *memory, size_t bytes);
 
-/* Start of a tick: its work is still to be spent. */
+/* Start of a tick: no work is done yet. */
 void row_cache_begin(struct row_cache *g);
 
 /* A slot for `row`, which is now in use in this tick; ROW_CACHE_NO_SLOT when all are in use. Does no reading yet. */

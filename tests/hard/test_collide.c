@@ -257,7 +257,7 @@ static void no_speed_tunnels(void **state)
         }
         printf("# %s: %u entries, %u ticks inside, %u of them not touching\n", which ? mesh_name[which] : "sphere",
                entries, inside, lost);
-        assert_true(entries > 20);
+        assert_true(entries > STEPS / 1500); /* 20 in the full form */
         assert_int_equal(lost, 0);
         body_free(&b);
     }
@@ -315,7 +315,7 @@ static void contacts_end_when_the_tool_is_back_outside(void **state)
         }
         printf("# %s: %u of %u trips judged, %u ticks deeper than 30 mm, %u anchors cut, %u stuck\n",
                which ? mesh_name[which] : "sphere", judged, STEPS / 200, deep, cut, stuck);
-        assert_true(judged > 10);
+        assert_true(judged > STEPS / 3000);
         assert_int_equal(stuck, 0);
         body_free(&b);
     }
