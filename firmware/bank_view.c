@@ -267,6 +267,15 @@ static void factor_compliance(const struct bank_view *view, uint32_t i, uint32_t
     struct row_reader left, right;
     struct row_block l = {0}, r = {0};
     int32_t sum[9], total[9] = {0};
+    float step2 = view->factor.header->step * view->factor.header->step;
+    if (view->decoded) {
+        const uint32_t *start = view->decoded_start;
+        row_dot(view->decoded + start[i], start[i + 1] - start[i], view->decoded + start[j], start[j + 1] - start[j],
+                total);
+        for (int k = 0; k < 9; k++) /* bound: 9 */
+            out[k] = step2 * (float)total[k];
+        return;
+    }
     row_start(&left, view, i);
     row_start(&right, view, j);
     bool more_left = row_next(&left, &l), more_right = row_next(&right, &r);
@@ -280,7 +289,6 @@ static void factor_compliance(const struct bank_view *view, uint32_t i, uint32_t
         if (step_right)
             more_right = row_next(&right, &r);
     }
-    float step2 = view->factor.header->step * view->factor.header->step;
     for (int k = 0; k < 9; k++) /* bound: 9 */
         out[k] = step2 * (float)total[k];
 }

@@ -21,6 +21,8 @@ struct bank_factor_view {
     uint32_t words; /* of code */
 };
 
+struct row_block; /* row.h */
+
 struct bank_view {
     const struct bank_header *header;
     const struct bank_section *sections;
@@ -34,6 +36,10 @@ struct bank_view {
     const uint16_t *row_of; /* per vertex; BANK_NONE when fixed */
     const float *half;      /* GHLF; NULL when the bank holds FACT */
     struct bank_factor_view factor;
+    /* All rows decoded, by whoever has the memory for it; NULL as bank_view_open leaves it. Row i is
+     * decoded[decoded_start[i]] .. decoded[decoded_start[i + 1] - 1]. */
+    const struct row_block *decoded;
+    const uint32_t *decoded_start;
     const struct bank_contact *contact;
     const struct bank_tool *tools;
     uint32_t fault_tag;    /* after a refusal: the section at fault, 0 for the header or table */

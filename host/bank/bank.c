@@ -13,6 +13,10 @@
 #include "tick.h" /* FIRMWARE_ABI */
 
 enum { FORCE_ERROR_TRIALS = 20, FORCE_ERROR_SEED = 1 };
+/* Direct solves may differ from the bank by what compression costs (another draw, hence the factor), and by the rounding of
+ * float32 and of the solves themselves, amplified by at most the condition of a contact system, 2e4. */
+#define FORCE_ERROR_AGREE    4
+#define FORCE_ERROR_ROUNDING (2e4 * 0x1p-24)
 
 int bank_refusal(int status, const struct bank_view *view, const void *bytes, size_t length, const char *path,
                  struct failure *why)
@@ -82,6 +86,8 @@ int bank_load(const char *path, struct bank_file *bank, struct failure *why)
         status = bank_refusal(status, &bank->view, bank->bytes, bank->length, path, why);
     else
         status = read_provenance(bank, why);
+    if (!status)
+        status = rows_in_memory(&bank->view, &bank->rows, why);
     if (status)
         bank_unload(bank);
     return status;
@@ -90,6 +96,7 @@ int bank_load(const char *path, struct bank_file *bank, struct failure *why)
 void bank_unload(struct bank_file *bank)
 {
     provenance_free(&bank->provenance);
+    rows_in_memory_free(&bank->rows);
     free(bank->bytes);
     *bank = (struct bank_file){0};
 }
@@ -129,8 +136,42 @@ static int check_budget(const struct scene *scene, const struct pack *pack, stru
     return STATUS_OK;
 }
 
-/* The bank as it lies in the file, opened as a controller would, and its forces against direct solves. */
-static int measure(const struct file_writer *writer, struct body *body, bool quiet, struct force_error *error,
+/* The rows of the bank as it lies in the file, as compression_error.h takes them. */
+static int measure_rows(struct bank_view *view, const struct compliance *G, const struct compressed *compressed,
+                        struct compression_error *error, struct failure *why)
+{
+    struct rows_in_memory rows;
+    int status = rows_in_memory(view, &rows, why);
+    size_t *start = malloc((view->row_count + 1) * sizeof *start);
+    if (!status && !start)
+        status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory to measure the bank");
+    if (!status) {
+        struct contact_surface surface = {.vertices = view->vertex_count,
+                                          .triangles = view->triangle_count,
+                                          .triangle = view->triangles,
+                                          .positions = view->positions,
+                                          .normals = view->normals,
+                                          .row_of = view->row_of,
+                                          .regularisation_m_N = (double)view->contact->regularisation_m_N};
+        struct factor factor = {.rows = view->row_count, .start = start, .block = rows.block};
+        if (compressed) {
+            factor.rounding.step = (double)view->factor.header->step;
+            for (uint32_t i = 0; i <= view->row_count; i++)
+                start[i] = rows.start[i];
+        }
+        status = compression_error_measure(&surface, G, compressed ? compressed->order.at : NULL,
+                                           compressed ? &factor : NULL, COMPRESSION_ERROR_ALL, COMPRESSION_TRIALS,
+                                           COMPRESSION_SEED, error, why);
+    }
+    free(start);
+    rows_in_memory_free(&rows);
+    return status;
+}
+
+/* The bank as it lies in the file, opened as a controller would: its forces against those of G, and against direct solves
+ * that share nothing with G. The two differ in what they draw (3-dimensional and along the normals), not in kind. */
+static int measure(const struct file_writer *writer, struct body *body, const struct compliance *G,
+                   const struct compressed *compressed, bool quiet, struct compression_error *error,
                    struct failure *why)
 {
     void *bytes = mmap(NULL, writer->length, PROT_READ, MAP_SHARED, writer->descriptor, 0);
@@ -139,11 +180,19 @@ static int measure(const struct file_writer *writer, struct body *body, bool qui
     struct progress bar;
     progress_start(&bar, "measuring the bank", quiet);
     struct bank_view view;
+    struct force_error direct = {0};
     int status = bank_view_open(&view, bytes, writer->length);
     if (status)
         status = bank_refusal(status, &view, bytes, writer->length, writer->path, why);
-    else
-        status = force_error_measure(&view, body, FORCE_ERROR_TRIALS, FORCE_ERROR_SEED, &bar, error, why);
+    if (!status)
+        status = force_error_measure(&view, body, FORCE_ERROR_TRIALS, FORCE_ERROR_SEED, &bar, &direct, why);
+    if (!status)
+        status = measure_rows(&view, G, compressed, error, why);
+    const struct error_figures *patch = &error->of[COMPRESSION_ERROR_PATCH];
+    if (!status && direct.p95 > FORCE_ERROR_AGREE * patch->max + FORCE_ERROR_ROUNDING)
+        status = failure_set(why, STATUS_CHECK_FAILED, writer->path, "report this",
+                             "the bank's forces differ from direct solves by %.2e, from its own compliance by %.2e",
+                             direct.p95, patch->max);
     progress_end(&bar);
     munmap(bytes, writer->length);
     return status;
@@ -159,7 +208,9 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
                            .tetrahedra = result->elements,
                            .build_seconds = result->seconds,
                            .force_error_p95 = result->force_error_p95,
-                           .force_error_max = result->force_error_max};
+                           .force_error_max = result->force_error_max,
+                           .step = result->step};
+    compression_error_print(&result->error, p.measured, sizeof p.measured);
     snprintf(p.mesh_path, sizeof p.mesh_path, "%s", body->scene.mesh_path);
     relative_path(body->scene.mesh_path, writer->path, p.mesh_from_bank, sizeof p.mesh_from_bank);
     char *text;
@@ -189,50 +240,95 @@ static int set_records(const char *scene_text, const char *path, double median_m
     return status;
 }
 
-/* From the body to the bank's bytes behind `writer`, without provenance. */
-static int write_bank(struct body *body, struct pack *pack, const char *scene_text, bool quiet,
-                      struct file_writer *writer, struct build_result *result, struct failure *why)
+/* What is asked for, the scene's budget included. */
+static struct compression asked(const struct scene *scene, const struct compression *compression)
 {
-    struct compliance compliance = {0};
-    int status = compliance_build(body->model, quiet, &compliance, why);
-    if (status)
-        return status;
-    result->median_compliance_m_N = compliance.median_diagonal_m_N;
-    status = set_records(scene_text, body->scene.path, compliance.median_diagonal_m_N, pack, why);
+    struct compression c = compression ? *compression : (struct compression){0};
+    if (!c.plain && !(c.step > 0) && !(c.force_error > 0))
+        c.force_error = scene->budget_force_error;
+    return c;
+}
+
+static int compress_body(const struct body *body, const struct compliance *G, const struct pack *pack,
+                         const struct compression *wanted, bool quiet, struct compressed *compressed,
+                         struct failure *why)
+{
+    double *position = malloc(3 * G->rows * sizeof *position);
+    uint16_t *row_of = malloc(pack->vertices * sizeof *row_of);
+    int status = position && row_of ? STATUS_OK : failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the rows");
+    for (size_t v = 0; v < pack->vertices && !status; v++) {
+        row_of[v] = G->row_of[v] == UINT32_MAX ? BANK_NONE : (uint16_t)G->row_of[v];
+        for (int k = 0; k < 3 && row_of[v] != BANK_NONE; k++)
+            position[3 * row_of[v] + k] = body->mesh.nodes[3 * body->surface.node[v] + k];
+    }
+    struct contact_surface surface = {.vertices = pack->vertices,
+                                      .triangles = pack->triangles,
+                                      .triangle = pack->triangle,
+                                      .positions = pack->positions,
+                                      .normals = pack->normals,
+                                      .row_of = row_of,
+                                      .regularisation_m_N = (double)pack->contact.regularisation_m_N};
     if (!status)
-        status = pack_write(pack, &compliance, writer, quiet, why);
-    compliance_free(&compliance);
+        status = compress(G, position, &surface, wanted, quiet, compressed, why);
+    free(position);
+    free(row_of);
     return status;
 }
 
-static int build(struct body *body, bool quiet, struct file_writer *writer, double started_s,
-                 struct build_result *result, struct failure *why)
+/* From the compliance to the bank's bytes behind `writer`, without provenance, and their errors. */
+static int write_bank(struct body *body, struct pack *pack, const struct compliance *G, const char *scene_text,
+                      const struct compression *wanted, bool quiet, struct file_writer *writer,
+                      struct build_result *result, struct failure *why)
+{
+    struct compressed compressed = {0};
+    int status = set_records(scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
+    if (!status && !wanted->plain)
+        status = compress_body(body, G, pack, wanted, quiet, &compressed, why);
+    if (!status && !wanted->plain) {
+        pack_compressed(pack, &compressed);
+        status = check_budget(&body->scene, pack, why);
+        result->step = compressed.step;
+    }
+    if (!status)
+        status = pack_write(pack, G, wanted->plain ? NULL : &compressed, writer, quiet, why);
+    if (!status)
+        status = measure(writer, body, G, wanted->plain ? NULL : &compressed, quiet, &result->error, why);
+    compressed_free(&compressed);
+    return status;
+}
+
+static int build(struct body *body, const struct compression *compression, bool quiet, struct file_writer *writer,
+                 double started_s, struct build_result *result, struct failure *why)
 {
     struct pack pack = {0};
-    struct force_error error = {0};
+    struct compliance G = {0};
     char *scene_text = NULL;
     const struct scene *scene = &body->scene;
+    const struct compression wanted = asked(scene, compression);
     result->nodes = body->mesh.node_count;
     result->elements = body->mesh.tetrahedron_count;
     result->surface_nodes = body->surface.vertex_count;
     result->unknowns = model_unknowns(body->model);
     int status = pack_prepare(&pack, &body->mesh, &body->surface, model_fixed_vertices(body->model),
                               scene->instrument_count, why);
-    if (!status)
+    if (!status && wanted.plain)
         status = check_budget(scene, &pack, why);
     result->rows = pack.rows;
     if (!status && !(scene_text = scene_print(scene)))
         status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     if (!status)
-        status = write_bank(body, &pack, scene_text, quiet, writer, result, why);
+        status = compliance_build(body->model, quiet, &G, why);
+    result->median_compliance_m_N = G.median_diagonal_m_N;
     if (!status)
-        status = measure(writer, body, quiet, &error, why);
-    result->force_error_p95 = error.p95;
-    result->force_error_max = error.max;
-    if (!status && scene->budget_force_error > 0 && error.max > scene->budget_force_error)
+        status = write_bank(body, &pack, &G, scene_text, &wanted, quiet, writer, result, why);
+    compliance_free(&G);
+    const struct error_figures *patch = &result->error.of[COMPRESSION_ERROR_PATCH];
+    result->force_error_p95 = patch->p95;
+    result->force_error_max = patch->max;
+    if (!status && scene->budget_force_error > 0 && patch->p95 > scene->budget_force_error)
         status =
             failure_set(why, STATUS_CHECK_FAILED, scene->path, "raise budget: force_error",
-                        "the bank's force error is %.2e, the scene allows %.2e", error.max, scene->budget_force_error);
+                        "the bank's force error is %.2e, the scene allows %.2e", patch->p95, scene->budget_force_error);
     result->seconds = seconds_now() - started_s;
     if (!status)
         status = write_provenance(&pack, body, result, scene_text, writer, why);
@@ -244,7 +340,8 @@ static int build(struct body *body, bool quiet, struct file_writer *writer, doub
     return status;
 }
 
-int bank_build(struct scene *scene, const char *out_path, bool quiet, struct build_result *result, struct failure *why)
+int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,
+               struct build_result *result, struct failure *why)
 {
     double started_s = seconds_now();
     struct file_writer writer;
@@ -259,7 +356,7 @@ int bank_build(struct scene *scene, const char *out_path, bool quiet, struct bui
         status = body_from_scene(scene, body, &result->mesh, why);
     if (!status) {
         *scene = body->scene;
-        status = build(body, quiet, &writer, started_s, result, why);
+        status = build(body, compression, quiet, &writer, started_s, result, why);
         body_close(body);
     }
     free(body);

@@ -7,10 +7,12 @@
 #include <stdint.h>
 
 #include "bank_view.h"
+#include "compression.h"
 #include "failure.h"
 #include "mesh.h"
 #include "model.h"
 #include "provenance.h"
+#include "rows_in_memory.h"
 #include "scene.h"
 
 #define BANK_DISCRETISATION "P1, linear tetrahedra"
@@ -19,21 +21,26 @@ struct build_result {
     size_t nodes, elements, surface_nodes, rows, bytes, unknowns;
     double seconds, peak_rss_bytes;
     double median_compliance_m_N;
-    double force_error_p95, force_error_max; /* of force_error.h, on the bank as written */
+    double force_error_p95, force_error_max; /* of a patch: compression_error.h, on the bank as written */
+    struct compression_error error;          /* the other kinds too */
+    double step;                             /* of the compression, relative; 0: not compressed */
     struct mesh_report mesh;
 };
 
 /* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write, open
- * what was written and measure its force error, then give it its name. On return the scene has its instruments placed.
+ * what was written and measure its force error, then give it its name. `compression` NULL: the default, or what the
+ * scene's budget asks for. On return the scene has its instruments placed.
  * Nothing appears at `out_path` on failure or interrupt; a path that cannot be written is refused before the long part.
  */
-int bank_build(struct scene *scene, const char *out_path, bool quiet, struct build_result *result, struct failure *why);
+int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,
+               struct build_result *result, struct failure *why);
 
 /* A bank in memory: the bytes (16-byte aligned, from a file) and the validated view of them. */
 struct bank_file {
     unsigned char *bytes;
     size_t length;
-    struct bank_view view;
+    struct bank_view view; /* rows decoded */
+    struct rows_in_memory rows;
     char path[1024];              /* as given to bank_load */
     struct provenance provenance; /* empty when the bank has no section PROV */
     const char *scene_text;       /* provenance.scene; NULL when absent */

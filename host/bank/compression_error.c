@@ -14,6 +14,15 @@ const char *const compression_error_kind[COMPRESSION_ERROR_KINDS] = {"one", "pat
 
 static const double travel_m = 0.010, tilt_rad = 30 * 3.14159265358979 / 180, turn_rad = 10 * 3.14159265358979 / 180;
 
+void compression_error_print(const struct compression_error *error, char *text, size_t room)
+{
+    size_t used = 0;
+    *text = 0;
+    for (int k = 0; k < COMPRESSION_ERROR_KINDS && used < room; k++)
+        used += (size_t)snprintf(text + used, room - used, "%s%s %.3g %.3g", k ? ", " : "", compression_error_kind[k],
+                                 100 * error->of[k].p95, 100 * error->of[k].max);
+}
+
 static double uniform(uint64_t *state) /* splitmix64, to [0, 1) */
 {
     uint64_t z = (*state += 0x9e3779b97f4a7c15u);

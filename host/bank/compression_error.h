@@ -33,6 +33,7 @@ enum {
     COMPRESSION_ERROR_FIELD,
     COMPRESSION_ERROR_KINDS
 };
+#define COMPRESSION_ERROR_ALL ((1u << COMPRESSION_ERROR_KINDS) - 1)
 extern const char *const compression_error_kind[COMPRESSION_ERROR_KINDS]; /* "one", "patch", "two", "field" */
 
 struct error_figures {
@@ -43,12 +44,15 @@ struct compression_error {
     struct error_figures of[COMPRESSION_ERROR_KINDS];
 };
 
+/* "one 0.05 0.09, patch 0.45 0.78, ...": p95 and maximum of each kind in per cent. */
+void compression_error_print(const struct compression_error *error, char *text, size_t room);
+
 /* The surface as the bank holds it. */
 struct contact_surface {
-    size_t triangles;
+    size_t vertices, triangles;
     const struct bank_triangle *triangle;
     const float *positions, *normals; /* 3 per vertex */
-    const uint16_t *row_of;           /* rows of the bank */
+    const uint16_t *row_of;           /* per vertex, rows of the bank */
     double regularisation_m_N;
 };
 

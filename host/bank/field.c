@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "bank.h"
+#include "rows_in_memory.h"
 
 /* The contacts touch at most 3 vertices each; each that has a row appears once. */
 enum { MAX_CONTACTS = 64, MAX_TOUCHED = 3 * MAX_CONTACTS };
@@ -91,6 +92,51 @@ static void spread(const struct bank_view *bank, const struct touched *s, size_t
     }
 }
 
+/* The same from the factor, for all rows: u = step^2 Q (Q^t f). `y` has 3 numbers per row. */
+static void spread_factor(const struct bank_view *bank, const struct touched *s, double *y, double *u)
+{
+    double step2 = (double)bank->factor.header->step * (double)bank->factor.header->step;
+    memset(y, 0, 3 * sizeof *y * bank->row_count);
+    for (size_t k = 0; k < s->count; k++)
+        for (uint32_t p = bank->decoded_start[s->row[k]]; p < bank->decoded_start[s->row[k] + 1]; p++) {
+            const struct row_block *b = &bank->decoded[p];
+            for (int e = 0; e < 9; e++)
+                y[3 * b->column + e % 3] += step2 * b->value[e] * s->force[k][e / 3];
+        }
+    for (size_t v = 0; v < bank->vertex_count; v++) {
+        uint16_t row = bank->row_of[v];
+        if (row == BANK_NONE)
+            continue;
+        for (uint32_t p = bank->decoded_start[row]; p < bank->decoded_start[row + 1]; p++) {
+            const struct row_block *b = &bank->decoded[p];
+            for (int e = 0; e < 9; e++)
+                u[3 * v + e / 3] += b->value[e] * y[3 * b->column + e % 3];
+        }
+    }
+}
+
+/* Displacement of all vertices under the forces of the touched rows. */
+static int displace(const struct bank_view *bank, const struct touched *s, double *u, struct failure *why)
+{
+    if (bank->half) {
+        for (size_t v = 0; v < bank->vertex_count; v++)
+            if (bank->row_of[v] != BANK_NONE)
+                spread(bank, s, bank->row_of[v], u + 3 * v);
+        return STATUS_OK;
+    }
+    struct bank_view view = *bank;
+    struct rows_in_memory rows = {0};
+    double *y = malloc(3 * sizeof *y * bank->row_count);
+    int status = y ? STATUS_OK : failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the displacement");
+    if (!status && !view.decoded)
+        status = rows_in_memory(&view, &rows, why);
+    if (!status)
+        spread_factor(&view, s, y, u);
+    rows_in_memory_free(&rows);
+    free(y);
+    return status;
+}
+
 int field_from_contacts(const struct bank_view *bank, size_t count, const uint32_t *triangle, const double *weights,
                         const double *displacement, double *u, double *force, struct failure *why)
 {
@@ -123,9 +169,7 @@ int field_from_contacts(const struct bank_view *bank, size_t count, const uint32
             for (size_t c = 0; c < count; c++)
                 for (int a = 0; a < 3; a++)
                     s->force[k][a] += s->weight[k][c] * p[3 * c + a];
-        for (size_t v = 0; v < bank->vertex_count; v++)
-            if (bank->row_of[v] != BANK_NONE)
-                spread(bank, s, bank->row_of[v], u + 3 * v);
+        status = displace(bank, s, u, why);
         if (force)
             memcpy(force, p, 3 * count * sizeof *p);
     }

@@ -199,16 +199,36 @@ static int write_head(struct pack *p, struct file_writer *writer, struct failure
     return status ? status : file_patch(writer, 0, &h, sizeof h, why);
 }
 
-int pack_write(struct pack *p, const struct compliance *compliance, struct file_writer *writer, bool quiet,
-               struct failure *why)
+void pack_compressed(struct pack *p, const struct compressed *compressed)
+{
+    p->bytes += padded(compressed->length) - padded(half_bytes(p->rows));
+}
+
+/* Row numbers as the section that follows counts them. */
+static int number_rows(struct pack *p, const struct compliance *compliance, const struct compressed *compressed,
+                       struct failure *why)
+{
+    uint16_t *rank = malloc(p->rows * sizeof *rank);
+    if (!rank)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory to number the rows");
+    for (size_t k = 0; k < p->rows; k++)
+        rank[compressed ? compressed->order.at[k] : k] = (uint16_t)k;
+    for (size_t v = 0; v < p->vertices; v++)
+        p->row_of[v] = compliance->row_of[v] == UINT32_MAX ? BANK_NONE : rank[compliance->row_of[v]];
+    free(rank);
+    return STATUS_OK;
+}
+
+int pack_write(struct pack *p, const struct compliance *compliance, const struct compressed *compressed,
+               struct file_writer *writer, bool quiet, struct failure *why)
 {
     if (compliance->rows != p->rows)
         return failure_set(why, STATUS_MODEL_FACTOR, NULL, NULL,
                            "the compliance has %zu rows where the surface has %zu", compliance->rows, p->rows);
-    for (size_t v = 0; v < p->vertices; v++)
-        p->row_of[v] = compliance->row_of[v] == UINT32_MAX ? BANK_NONE : (uint16_t)compliance->row_of[v];
     static const char empty[sizeof(struct bank_header) + PACK_SECTIONS * sizeof(struct bank_section)];
-    int status = file_append(writer, empty, sizeof empty, why);
+    int status = number_rows(p, compliance, compressed, why);
+    if (!status)
+        status = file_append(writer, empty, sizeof empty, why);
     if (!status)
         status = write_whole(p, 0, BANK_VERT, p->vertices, p->positions, 12 * p->vertices, writer, why);
     if (!status)
@@ -225,7 +245,8 @@ int pack_write(struct pack *p, const struct compliance *compliance, struct file_
     if (!status)
         status = write_whole(p, 6, BANK_TOOL, p->tools, p->tool, sizeof p->tool[0] * p->tools, writer, why);
     if (!status)
-        status = write_half(p, 7, compliance, writer, quiet, why);
+        status = compressed ? write_whole(p, 7, BANK_FACT, p->rows, compressed->bytes, compressed->length, writer, why)
+                            : write_half(p, 7, compliance, writer, quiet, why);
     if (!status)
         status = write_whole(p, 8, BANK_PROV, 1, "", 0, writer, why);
     return status ? status : write_head(p, writer, why);

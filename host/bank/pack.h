@@ -1,7 +1,7 @@
 /* Packing: from surface, compliance, instruments and contact to the bytes of bank_format.h.
  *
  *   pack_prepare     everything but the compliance, and the size that the bank will have: before the long computation
- *   pack_write       all sections, in the order VERT NORM TRIA GRID ROWS CONT TOOL GHLF PROV (PROV still empty)
+ *   pack_write       all sections, in the order VERT NORM TRIA GRID ROWS CONT TOOL, GHLF or FACT, PROV (still empty)
  *   pack_provenance  replace PROV, once the errors that it states have been measured on what was written
  *   pack_free
  *
@@ -15,6 +15,7 @@
 #include <stdint.h>
 
 #include "bank_format.h"
+#include "compression.h"
 #include "failure.h"
 #include "grid.h"
 #include "mesh.h"
@@ -33,7 +34,7 @@ struct pack {
     struct bank_tool tool[BANK_MAX_INSTRUMENTS];
     size_t tools;
     uint32_t scene_hash, mesh_hash;
-    uint64_t bytes; /* of the bank without the text of PROV */
+    uint64_t bytes; /* of the bank without the text of PROV, as prepared with GHLF */
     struct bank_section section[PACK_SECTIONS];
 };
 
@@ -41,8 +42,11 @@ struct pack {
  * numbers them. MESH_TOO_LARGE when the format's limits do not hold the body. */
 int pack_prepare(struct pack *pack, const struct mesh *mesh, const struct surface *surface, const bool *fixed,
                  size_t tools, struct failure *why);
-int pack_write(struct pack *pack, const struct compliance *compliance, struct file_writer *writer, bool quiet,
-               struct failure *why);
+/* Make `bytes` that of a bank with this in place of GHLF. */
+void pack_compressed(struct pack *pack, const struct compressed *compressed);
+/* `compressed` NULL: GHLF; else FACT, and the rows take its order. */
+int pack_write(struct pack *pack, const struct compliance *compliance, const struct compressed *compressed,
+               struct file_writer *writer, bool quiet, struct failure *why);
 int pack_provenance(struct pack *pack, const char *text, size_t length, struct file_writer *writer,
                     struct failure *why);
 void pack_free(struct pack *pack);

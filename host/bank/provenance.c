@@ -64,6 +64,10 @@ static bool emit(yaml_emitter_t *out, const struct provenance *p)
     if (p->force_error_max >= 0)
         good = good && emit_number(out, "force_error_p95", "%.3e", p->force_error_p95) &&
                emit_number(out, "force_error_max", "%.3e", p->force_error_max);
+    if (*p->measured)
+        good = good && emit_pair(out, "force_error_percent", p->measured, quoted);
+    if (p->step > 0)
+        good = good && emit_number(out, "step", "%.6g", p->step);
     if (p->scene)
         good = good && emit_pair(out, "scene", p->scene, YAML_LITERAL_SCALAR_STYLE);
     return good && yaml_mapping_end_event_initialize(&event) && yaml_emitter_emit(out, &event) &&
@@ -102,7 +106,8 @@ static int store(struct provenance *p, const char *key, const char *value, size_
     } texts[] = {{"program", p->program, sizeof p->program},
                  {"mesh_path", p->mesh_path, sizeof p->mesh_path},
                  {"mesh_from_bank", p->mesh_from_bank, sizeof p->mesh_from_bank},
-                 {"discretisation", p->discretisation, sizeof p->discretisation}};
+                 {"discretisation", p->discretisation, sizeof p->discretisation},
+                 {"force_error_percent", p->measured, sizeof p->measured}};
     for (size_t k = 0; k < sizeof texts / sizeof texts[0]; k++)
         if (!strcmp(key, texts[k].key))
             snprintf(texts[k].text, texts[k].room, "%s", value);
@@ -112,6 +117,8 @@ static int store(struct provenance *p, const char *key, const char *value, size_
         p->tetrahedra = strtoull(value, NULL, 10);
     if (!strcmp(key, "build_seconds"))
         p->build_seconds = strtod(value, NULL);
+    if (!strcmp(key, "step"))
+        p->step = strtod(value, NULL);
     if (!strcmp(key, "force_error_p95"))
         p->force_error_p95 = strtod(value, NULL);
     if (!strcmp(key, "force_error_max"))

@@ -16,7 +16,9 @@ struct provenance {
     char discretisation[64];
     uint64_t nodes, tetrahedra;
     double build_seconds;
-    double force_error_p95, force_error_max; /* relative, against direct solves in double; negative: not measured */
+    double force_error_p95, force_error_max; /* relative, of a patch (compression_error.h); negative: not measured */
+    double step;                             /* of the compression (compression.h); 0: none */
+    char measured[200];                      /* of every kind, in per cent: p95 and maximum (compression_error_print) */
 };
 
 /* YAML text (malloc) and its length. */

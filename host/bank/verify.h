@@ -13,7 +13,10 @@
  *   2^-24 |u|        rounding to float32, to nearest
  *   + 256 max|e|     the double-precision error of the two ways, where e = K^-1 (f - K u) is the error of this solution
  *                    estimated by one step of iterative refinement; the other way's is of the same order
- *   + 2^-149         the last bit of float32 */
+ *   + 2^-149         the last bit of float32
+ *   + in a compressed bank 6 s, where s^2 = (step M)^2 (|Q_i|^2 + |Q_j|^2) step^2 / 12 per component: the deviation of
+ *                    G_ij when every entry of both rows is off by an independent rounding to the coarsest multiple M that
+ *                    a row of the bank uses. Feedback makes it smaller. */
 #define VERIFY_SOLVE_MARGIN 256
 
 struct verify_result {

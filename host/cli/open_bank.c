@@ -19,7 +19,7 @@ static int build(const char *path, const char *out_path, struct bank_file *bank,
         return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the scene");
     int status = scene_read(path, scene, why);
     if (!status)
-        status = bank_build(scene, out_path, !isatty(STDERR_FILENO), &result, why);
+        status = bank_build(scene, out_path, NULL, !isatty(STDERR_FILENO), &result, why);
     if (!status)
         status = bank_load(out_path, bank, why);
     free(scene);

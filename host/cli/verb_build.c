@@ -7,10 +7,9 @@
 
 #include "bank.h"
 #include "cli.h"
-#include "force_error.h"
 
 static const char usage[] =
-    "usage: trocar build SCENE.yaml -o BANK [--json] [--quiet]\n"
+    "usage: trocar build SCENE.yaml -o BANK [--step X | --force-error P | --plain] [--json] [--quiet]\n"
     "       trocar build MESH --extent METRES | --unit m|cm|mm [--size METRES] -o BANK [--json] [--quiet]\n"
     "\n"
     "Builds the bank that a controller reads. With a mesh alone, the scene that is assumed (tissue E = 4 kPa, nu = "
@@ -23,6 +22,13 @@ static const char usage[] =
     "      --unit UNIT      unit of the mesh's coordinates: m, cm or mm\n"
     "      --size METRES    element size with which a surface (STL, OBJ, PLY) is filled; its own triangles if not "
     "given\n"
+    "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.2\n"
+    "                       (coarse); 1.25e-3 if nothing is asked for\n"
+    "      --force-error P  the smallest bank whose forces are off by at most P: 0.5%, or 0.005 (95 % of patches of 3 "
+    "to "
+    "10\n"
+    "                       contacts)\n"
+    "      --plain          the compliance uncompressed, as float32\n"
     "      --json           one JSON object on stdout; an assumed scene then goes to stderr\n"
     "      --quiet          no progress\n";
 
@@ -30,6 +36,7 @@ struct options {
     const char *input, *output;
     double extent_m, size_m;
     enum mesh_unit unit;
+    struct compression compression;
     bool json, quiet, help;
 };
 
@@ -47,14 +54,44 @@ static int parse_unit(const char *text, enum mesh_unit *unit, struct failure *wh
     return failure_set(why, STATUS_USAGE, NULL, NULL, "--unit is m, cm or mm, not \"%.60s\"", text);
 }
 
+static int parse_step(const char *text, double *step, struct failure *why)
+{
+    int status = cli_positive("--step", text, step, why);
+    if (!status && (*step < COMPRESSION_STEP_MIN || *step > COMPRESSION_STEP_MAX))
+        return failure_set(why, STATUS_USAGE, NULL, NULL, "--step is between %g and %g, not %s", COMPRESSION_STEP_MIN,
+                           COMPRESSION_STEP_MAX, text);
+    return status;
+}
+
+/* A share as "0.5%", "0.5 %" or "0.005". */
+static int parse_share(const char *text, double *share, struct failure *why)
+{
+    char *end;
+    double value = strtod(text, &end);
+    while (end > text && *end == ' ')
+        end++;
+    bool percent = *end == '%' && !end[1];
+    if (end == text || (*end && !percent) || !(value > 0) || !(value < (percent ? 100 : 1)))
+        return failure_set(why, STATUS_USAGE, NULL, NULL, "--force-error is a share such as 0.5%%, not \"%.60s\"",
+                           text);
+    *share = percent ? value / 100 : value;
+    return STATUS_OK;
+}
+
 static int parse(int argc, char **argv, struct options *o, struct failure *why)
 {
-    enum { EXTENT = 256, UNIT, SIZE, JSON, QUIET };
-    static const struct option longs[] = {
-        {"output", required_argument, NULL, 'o'}, {"extent", required_argument, NULL, EXTENT},
-        {"unit", required_argument, NULL, UNIT},  {"size", required_argument, NULL, SIZE},
-        {"json", no_argument, NULL, JSON},        {"quiet", no_argument, NULL, QUIET},
-        {"help", no_argument, NULL, 'h'},         {0}};
+    enum { EXTENT = 256, UNIT, SIZE, STEP, FORCE_ERROR, PLAIN, JSON, QUIET };
+    static const struct option longs[] = {{"output", required_argument, NULL, 'o'},
+                                          {"extent", required_argument, NULL, EXTENT},
+                                          {"unit", required_argument, NULL, UNIT},
+                                          {"size", required_argument, NULL, SIZE},
+                                          {"json", no_argument, NULL, JSON},
+                                          {"quiet", no_argument, NULL, QUIET},
+                                          {"step", required_argument, NULL, STEP},
+                                          {"force-error", required_argument, NULL, FORCE_ERROR},
+                                          {"plain", no_argument, NULL, PLAIN},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {0}};
     int answer, status = STATUS_OK;
     opterr = 0;
     optind = 0; /* GNU: start over */
@@ -67,6 +104,12 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
             status = parse_unit(optarg, &o->unit, why);
         else if (answer == SIZE)
             status = cli_positive("--size", optarg, &o->size_m, why);
+        else if (answer == STEP)
+            status = parse_step(optarg, &o->compression.step, why);
+        else if (answer == FORCE_ERROR)
+            status = parse_share(optarg, &o->compression.force_error, why);
+        else if (answer == PLAIN)
+            o->compression.plain = true;
         else if (answer == JSON)
             o->json = true;
         else if (answer == QUIET)
@@ -84,6 +127,9 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
                            optind == argc ? "no mesh and no scene is given" : "more than one mesh or scene is given");
     if (!o->output)
         return failure_set(why, STATUS_USAGE, NULL, "add -o BANK", "no output file is given");
+    if (o->compression.plain + (o->compression.step > 0) + (o->compression.force_error > 0) > 1)
+        return failure_set(why, STATUS_USAGE, NULL, "give one of them",
+                           "--step, --force-error and --plain exclude each other");
     if (o->extent_m > 0 && o->unit)
         return failure_set(why, STATUS_USAGE, NULL, "give one of them", "--extent and --unit exclude each other");
     o->input = argv[optind];
@@ -125,22 +171,32 @@ static void print_json(const struct build_result *r, const char *path)
     json_object_object_add(root, "peak_rss_bytes", json_object_new_int64((int64_t)r->peak_rss_bytes));
     json_object_object_add(root, "median_compliance_m_N", json_object_new_double(r->median_compliance_m_N));
     json_object_object_add(root, "discretisation", json_object_new_string(BANK_DISCRETISATION));
-    json_object_object_add(error, "reference", json_object_new_string(FORCE_ERROR_REFERENCE));
+    json_object_object_add(error, "reference", json_object_new_string(COMPRESSION_ERROR_REFERENCE));
     json_object_object_add(error, "p95", json_object_new_double(r->force_error_p95));
     json_object_object_add(error, "max", json_object_new_double(r->force_error_max));
+    for (int k = 0; k < COMPRESSION_ERROR_KINDS; k++) {
+        struct json_object *kind = json_object_new_object();
+        json_object_object_add(kind, "p95", json_object_new_double(r->error.of[k].p95));
+        json_object_object_add(kind, "max", json_object_new_double(r->error.of[k].max));
+        json_object_object_add(error, compression_error_kind[k], kind);
+    }
     json_object_object_add(root, "force_error", error);
+    if (r->step > 0)
+        json_object_object_add(root, "step", json_object_new_double(r->step));
     puts(json_object_to_json_string_ext(root, JSON_C_TO_STRING_SPACED | JSON_C_TO_STRING_NOSLASHESCAPE));
     json_object_put(root);
 }
 
 static void print_text(FILE *out, const struct build_result *r, const char *path)
 {
+    char measured[200];
+    compression_error_print(&r->error, measured, sizeof measured);
     fprintf(out,
             "%s: %zu nodes, %zu tetrahedra, %zu surface nodes (%zu free)\n"
             "%zu bytes, built in %.1f s with at most %.0f MB\n"
-            "force error %.1e (p95), %.1e (max) against a %s\n",
+            "force error in %% (p95, max): %s; against the %s\n",
             path, r->nodes, r->elements, r->surface_nodes, r->rows, r->bytes, r->seconds, 1e-6 * r->peak_rss_bytes,
-            r->force_error_p95, r->force_error_max, FORCE_ERROR_REFERENCE);
+            measured, COMPRESSION_ERROR_REFERENCE);
 }
 
 int verb_build(int argc, char **argv, struct failure *why)
@@ -159,7 +215,7 @@ int verb_build(int argc, char **argv, struct failure *why)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     status = get_scene(&o, scene, why);
     if (!status)
-        status = bank_build(scene, o.output, o.quiet, &result, why);
+        status = bank_build(scene, o.output, &o.compression, o.quiet, &result, why);
     char *assumed = !status && !is_scene(o.input) ? scene_print(scene) : NULL;
     free(scene);
     if (status)

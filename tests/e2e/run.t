@@ -68,6 +68,10 @@ def soften(bank, factor):
         if tag == b"GHLF":
             values = struct.unpack_from(f"<{length // 4}f", data, offset)
             struct.pack_into(f"<{length // 4}f", data, offset, *(factor * v for v in values))
+        if tag == b"FACT":  # the compliance goes with the square of the factor's step
+            step, = struct.unpack_from("<f", data, offset)
+            struct.pack_into("<f", data, offset, factor ** 0.5 * step)
+        if tag in (b"GHLF", b"FACT"):
             struct.pack_into("<I", data, at + 20, zlib.crc32(data[offset:offset + (length + 15) // 16 * 16]))
     struct.pack_into("<I", data, 56, zlib.crc32(data[64:64 + 32 * count]))
     struct.pack_into("<I", data, 60, zlib.crc32(data[:60]))

@@ -72,7 +72,7 @@ static const char *pack_to_file(struct body_in *b, const char *provenance)
     for (int i = 0; i < 2; i++)
         memcpy(&pack.tool[i], bytes + bank_fixture_section(bytes, BANK_TOOL)->offset, sizeof pack.tool[i]);
     assert_int_equal(file_begin(&writer, path, &why), STATUS_OK);
-    assert_int_equal(pack_write(&pack, &b->compliance, &writer, true, &why), STATUS_OK);
+    assert_int_equal(pack_write(&pack, &b->compliance, NULL, &writer, true, &why), STATUS_OK);
     assert_int_equal(writer.length, pack.bytes);
     if (provenance)
         assert_int_equal(pack_provenance(&pack, provenance, strlen(provenance), &writer, &why), STATUS_OK);
