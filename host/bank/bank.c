@@ -269,7 +269,7 @@ static int compress_body(const struct body *body, const struct compliance *G, co
                                       .row_of = row_of,
                                       .regularisation_m_N = (double)pack->contact.regularisation_m_N};
     if (!status)
-        status = compress(G, position, &surface, wanted, quiet, compressed, why);
+        status = compress_compliance(G, position, &surface, wanted, quiet, compressed, why);
     free(position);
     free(row_of);
     return status;

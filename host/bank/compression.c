@@ -71,8 +71,8 @@ static int find_step(struct search *s, double target, double *step, struct facto
     return STATUS_OK;
 }
 
-int compress(const struct compliance *G, const double *position, const struct contact_surface *surface,
-             const struct compression *wanted, bool quiet, struct compressed *c, struct failure *why)
+int compress_compliance(const struct compliance *G, const double *position, const struct contact_surface *surface,
+                        const struct compression *wanted, bool quiet, struct compressed *c, struct failure *why)
 {
     *c = (struct compressed){0};
     struct search s = {.G = G, .surface = *surface, .order = &c->order};

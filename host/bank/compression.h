@@ -37,8 +37,9 @@ struct compressed {
 
 /* `position`: 3 per row of G, m. `surface`: row_of numbers the rows of G here. CHECK_FAILED when the force error cannot be
  * reached, naming the nearest; MEMORY, INTERRUPTED, MODEL_FACTOR. Memory: one square of 9 rows^2 doubles beside G. */
-int compress(const struct compliance *G, const double *position, const struct contact_surface *surface,
-             const struct compression *wanted, bool quiet, struct compressed *compressed, struct failure *why);
+int compress_compliance(const struct compliance *G, const double *position, const struct contact_surface *surface,
+                        const struct compression *wanted, bool quiet, struct compressed *compressed,
+                        struct failure *why);
 void compressed_free(struct compressed *compressed);
 
 #endif
