@@ -11,8 +11,7 @@ build='gcc libc6-dev make pkg-config
     libsuitesparse-dev libopenblas-dev liblapacke-dev libgsl-dev
     libgmsh-dev libyaml-dev libexpat1-dev zlib1g-dev libjson-c-dev
     libwebsockets-dev libssl-dev libjs-three'
-test='libcmocka-dev libccd-dev python3 clang-format cppcheck chromium chromium-driver gcc-arm-none-eabi
-    qemu-system-arm'
+test='libcmocka-dev libccd-dev python3 clang-format cppcheck chromium chromium-driver gcc-arm-none-eabi'
 
 die()
 {

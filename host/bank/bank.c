@@ -203,7 +203,6 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
 {
     struct provenance p = {.scene = scene,
                            .program = "trocar",
-                           .discretisation = BANK_DISCRETISATION,
                            .nodes = result->nodes,
                            .tetrahedra = result->elements,
                            .build_seconds = result->seconds,
@@ -211,6 +210,7 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
                            .force_error_max = result->force_error_max,
                            .step = result->step};
     compression_error_print(&result->error, p.measured, sizeof p.measured);
+    snprintf(p.discretisation, sizeof p.discretisation, "%s", result->discretisation);
     snprintf(p.mesh_path, sizeof p.mesh_path, "%s", body->scene.mesh_path);
     relative_path(body->scene.mesh_path, writer->path, p.mesh_from_bank, sizeof p.mesh_from_bank);
     char *text;
@@ -309,6 +309,7 @@ static int build(struct body *body, const struct compression *compression, bool 
     result->elements = body->mesh.tetrahedron_count;
     result->surface_nodes = body->surface.vertex_count;
     result->unknowns = model_unknowns(body->model);
+    result->discretisation = model_discretisation(body->model);
     int status = pack_prepare(&pack, &body->mesh, &body->surface, model_fixed_vertices(body->model),
                               scene->instrument_count, why);
     if (!status && wanted.plain)

@@ -15,8 +15,6 @@
 #include "rows_in_memory.h"
 #include "scene.h"
 
-#define BANK_DISCRETISATION "P1, linear tetrahedra"
-
 struct build_result {
     size_t nodes, elements, surface_nodes, rows, bytes, unknowns;
     double seconds, peak_rss_bytes;
@@ -24,6 +22,7 @@ struct build_result {
     double force_error_p95, force_error_max; /* of a patch: compression_error.h, on the bank as written */
     struct compression_error error;          /* the other kinds too */
     double step;                             /* of the compression, relative; 0: not compressed */
+    const char *discretisation;              /* of model.h: decides the mesh's error, which is not the bank's */
     struct mesh_report mesh;
 };
 

@@ -2,7 +2,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "dense_inverse.h"
 #include "model_state.h"
 #include "schur.h"
 
@@ -20,56 +19,47 @@ static double memory_available(void)
     return 1024 * kilobytes;
 }
 
-/* The surface unknowns: place[unknown] in the tail or -1, tail[place] = 3 row + component. */
-struct tail {
-    int32_t *place;
-    uint32_t *at;
-    double *pivot_min; /* per place: what is not rounding */
-    size_t count;
-};
-
-static bool number_rows(const struct model *model, struct compliance *compliance, struct tail *tail)
+/* Number the rows of G, and lay R out by unknowns. A fixed component has no column: its row and column stay zero. */
+static bool number_rows(const struct model *model, struct compliance *compliance, struct schur_load *load)
 {
     size_t vertices = model->surface->vertex_count;
+    const struct projection *R = &model->projection;
     compliance->row_of = malloc((vertices + 1) * sizeof *compliance->row_of);
-    tail->place = malloc((model->unknowns + 1) * sizeof *tail->place);
-    tail->at = malloc((3 * vertices + 1) * sizeof *tail->at);
-    tail->pivot_min = malloc((3 * vertices + 1) * sizeof *tail->pivot_min);
-    if (!compliance->row_of || !tail->place || !tail->at || !tail->pivot_min)
+    load->start = calloc(model->unknowns + 2, sizeof *load->start);
+    if (!compliance->row_of || !load->start)
         return false;
-    const int32_t *start = model->K->p;
-    const double *K = model->K->x;
-    for (size_t u = 0; u < model->unknowns; u++)
-        tail->place[u] = -1;
-    for (size_t v = 0; v < vertices; v++) {
-        compliance->row_of[v] = UINT32_MAX;
-        if (model->fixed_vertex[v])
-            continue;
-        for (int a = 0; a < 3; a++) {
-            int32_t unknown = model_unknown(model, model->surface->node[v], a);
-            if (unknown < 0)
+    for (int visit = 0; visit < 2; visit++) {
+        if (visit == 1) { /* counted two places ahead: after the fill, start[u] is where it belongs */
+            for (size_t u = 2; u <= model->unknowns + 1; u++)
+                load->start[u] += load->start[u - 1];
+            load->column = malloc((load->start[model->unknowns + 1] + 1) * sizeof *load->column);
+            load->weight = malloc((load->start[model->unknowns + 1] + 1) * sizeof *load->weight);
+            if (!load->column || !load->weight)
+                return false;
+            compliance->rows = 0;
+        }
+        for (size_t v = 0; v < vertices; v++) {
+            compliance->row_of[v] = UINT32_MAX;
+            if (model->fixed_vertex[v])
                 continue;
-            tail->at[tail->count] = (uint32_t)(3 * compliance->rows) + (uint32_t)a;
-            tail->pivot_min[tail->count] = MODEL_PIVOT_MIN * K[start[unknown]];
-            tail->place[unknown] = (int32_t)tail->count++;
+            compliance->row_of[v] = (uint32_t)compliance->rows++;
+            for (size_t k = R->start[v]; k < R->start[v + 1]; k++)
+                for (int a = 0; a < 3; a++) {
+                    int32_t unknown = model_unknown(model, R->node[k], a);
+                    if (unknown < 0 || model_unknown(model, model->surface->node[v], a) < 0)
+                        continue;
+                    if (visit == 0) {
+                        load->start[unknown + 2]++;
+                        continue;
+                    }
+                    size_t at = load->start[unknown + 1]++;
+                    load->column[at] = 3 * compliance->row_of[v] + (uint32_t)a;
+                    load->weight[at] = R->weight[k];
+                }
         }
-        compliance->row_of[v] = (uint32_t)compliance->rows++;
     }
+    load->columns = 3 * compliance->rows;
     return true;
-}
-
-/* Open up zero rows and columns for the fixed components of vertices that are partly fixed. Entries only move to larger
- * indices, so going down from the last none is overwritten before it has moved. */
-static void spread(const struct tail *tail, double *G, size_t ld)
-{
-    if (tail->count == ld)
-        return;
-    for (size_t j = tail->count; j-- > 0;)
-        for (size_t i = tail->count; i-- > j;) {
-            double value = G[i + j * ld];
-            G[i + j * ld] = 0;
-            G[tail->at[i] + tail->at[j] * ld] = value;
-        }
 }
 
 static int ascending(const void *a, const void *b)
@@ -95,10 +85,10 @@ static bool median_diagonal(struct compliance *compliance)
     return true;
 }
 
-static int build(struct model *model, const struct schur *schur, const struct tail *tail, bool quiet,
-                 struct compliance *compliance, struct failure *why)
+static int build(struct model *model, const struct schur *schur, bool quiet, struct compliance *compliance,
+                 struct failure *why)
 {
-    size_t ld = 3 * compliance->rows;
+    size_t ld = 3 * compliance->rows, pivot = 0;
     /* zeroed pages cost nothing until they are written, and only the lower half is */
     double square = 4 * (double)ld * (double)ld, needed = square + (double)schur->bytes;
     double available = memory_available();
@@ -111,27 +101,17 @@ static int build(struct model *model, const struct schur *schur, const struct ta
         return failure_set(why, STATUS_MEMORY, model->place, NULL,
                            "no memory for the compliance of %zu surface vertices (%.0f MB)", compliance->rows,
                            square / 1e6);
-    struct effort effort = {.total = schur->operations + dense_inverse_operations(tail->count)};
+    struct effort effort = {.total = schur->operations};
     progress_start(&effort.bar, "compliance", quiet);
-    size_t pivot = 0;
-    int status = schur_eliminate(schur, model->K, compliance->G, ld, &effort, &pivot);
-    if (status == STATUS_OK) {
-        status = dense_inverse(tail->count, compliance->G, ld, tail->pivot_min, &effort, &pivot);
-        for (size_t u = 0; status == STATUS_MODEL_FACTOR && u < model->unknowns; u++)
-            if (tail->place[u] >= 0 && (size_t)tail->place[u] == pivot) {
-                pivot = u;
-                break;
-            }
-    }
+    int status = schur_eliminate(schur, model->K, MODEL_PIVOT_MIN, compliance->G, ld, &model->common, &effort, &pivot);
     progress_end(&effort.bar);
     if (status == STATUS_INTERRUPTED)
         return failure_set(why, status, NULL, NULL, "interrupted while computing the compliance");
     if (status == STATUS_MEMORY)
-        return failure_set(why, status, model->place, NULL, "no memory to eliminate the interior (%.0f MB)",
+        return failure_set(why, status, model->place, NULL, "no memory to eliminate the body (%.0f MB)",
                            (double)schur->bytes / 1e6);
     if (status == STATUS_MODEL_FACTOR)
         return model_indefinite(model, pivot, why);
-    spread(tail, compliance->G, ld);
     if (!median_diagonal(compliance))
         return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for the median compliance");
     return STATUS_OK;
@@ -140,22 +120,24 @@ static int build(struct model *model, const struct schur *schur, const struct ta
 int compliance_build(struct model *model, bool quiet, struct compliance *compliance, struct failure *why)
 {
     *compliance = (struct compliance){0};
-    struct tail tail = {0};
+    struct schur_load R = {0};
     struct schur schur = {0};
     int status = STATUS_OK;
-    if (!number_rows(model, compliance, &tail))
+    if (!number_rows(model, compliance, &R))
         status = failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory to number the surface");
     else if (compliance->rows == 0)
         status = failure_set(why, STATUS_SCENE_VALUE, model->place, "fix fewer nodes", "the whole surface is fixed");
-    else if (schur_plan(model->K, tail.place, tail.count, &model->common, &schur))
-        status =
-            failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory to order %zu unknowns", model->unknowns);
     else
-        status = build(model, &schur, &tail, quiet, compliance, why);
-    schur_free(&schur, &model->common);
-    free(tail.place);
-    free(tail.at);
-    free(tail.pivot_min);
+        status = model_order(model, why);
+    if (status == STATUS_OK && schur_plan(model->pattern, &R, model->K, &schur))
+        status =
+            failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory to plan for %zu unknowns", model->unknowns);
+    if (status == STATUS_OK)
+        status = build(model, &schur, quiet, compliance, why);
+    schur_free(&schur);
+    free(R.start);
+    free(R.column);
+    free(R.weight);
     if (status)
         compliance_free(compliance);
     return status;

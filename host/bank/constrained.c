@@ -1,5 +1,5 @@
 /* Prescribed displacements as Lagrange multipliers on the whole model: the reference for every force that the bank
- * gives. Each constraint row touches at most nine unknowns; the body answers through sparse solves. */
+ * gives. Each constraint row touches the vertices of one triangle; the body answers through sparse solves. */
 #include <lapacke.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,21 +8,26 @@
 
 enum { BLOCK = 64 }; /* constraint columns solved at once: 2 x 64 vectors of workspace, whatever m is */
 
+/* One row of B: surface vertices, barycentric weights, direction. A fixed component does not move: nothing to constrain. */
 struct constraint {
-    int32_t unknown[9]; /* -1: a fixed component, which does not move: nothing to constrain */
-    double factor[9];
+    const uint32_t *vertex;
+    const double *weight, *direction;
 };
 
-static struct constraint constraint_row(const struct model *model, const uint32_t *vertex, const double *weight,
-                                        const double *direction)
+static void load(const struct model *model, const struct constraint *row, double *f)
 {
-    struct constraint row;
     for (size_t k = 0; k < 3; k++)
-        for (size_t a = 0; a < 3; a++) {
-            row.unknown[3 * k + a] = model_unknown(model, model->surface->node[vertex[k]], (int)a);
-            row.factor[3 * k + a] = weight[k] * direction[a];
-        }
-    return row;
+        for (int a = 0; a < 3; a++)
+            model_load(model, row->vertex[k], a, row->weight[k] * row->direction[a], f);
+}
+
+static double displacement(const struct model *model, const struct constraint *row, const double *u)
+{
+    double sum = 0;
+    for (size_t k = 0; k < 3; k++)
+        for (int a = 0; a < 3; a++)
+            sum += row->weight[k] * row->direction[a] * model_displacement(model, row->vertex[k], a, u);
+    return sum;
 }
 
 /* C = B K^-1 B^t, row-major; symmetric to the last bit. */
@@ -38,18 +43,11 @@ static int constraint_compliance(struct model *model, size_t m, const struct con
         size_t width = m - first < BLOCK ? m - first : BLOCK;
         memset(f, 0, n * width * sizeof *f);
         for (size_t s = 0; s < width; s++)
-            for (int k = 0; k < 9; k++)
-                if (row[first + s].unknown[k] >= 0)
-                    f[s * n + (size_t)row[first + s].unknown[k]] += row[first + s].factor[k];
+            load(model, &row[first + s], f + s * n);
         status = model_solve(model, width, f, u, why);
         for (size_t s = 0; s < width && status == STATUS_OK; s++)
-            for (size_t r = 0; r < m; r++) {
-                double sum = 0;
-                for (int k = 0; k < 9; k++)
-                    if (row[r].unknown[k] >= 0)
-                        sum += row[r].factor[k] * u[s * n + (size_t)row[r].unknown[k]];
-                C[r * m + first + s] = sum;
-            }
+            for (size_t r = 0; r < m; r++)
+                C[r * m + first + s] = displacement(model, &row[r], u + s * n);
     }
     for (size_t r = 0; r < m && status == STATUS_OK; r++)
         for (size_t s = 0; s < r; s++)
@@ -98,7 +96,7 @@ int model_constrained(struct model *model, size_t m, const uint32_t *vertex, con
     if (!row || !C)
         status = failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu constraints", m);
     for (size_t r = 0; r < m && status == STATUS_OK; r++)
-        row[r] = constraint_row(model, vertex + 3 * r, weight + 3 * r, direction + 3 * r);
+        row[r] = (struct constraint){vertex + 3 * r, weight + 3 * r, direction + 3 * r};
     if (status == STATUS_OK)
         status = constraint_compliance(model, m, row, C, why);
     if (status == STATUS_OK && compliance)

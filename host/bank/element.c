@@ -1,5 +1,12 @@
 #include "element.h"
 
+const unsigned char element_edge[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
+
+size_t element_nodes(enum element_order order)
+{
+    return order == ELEMENT_QUADRATIC ? 10 : 4;
+}
+
 struct lame lame_from_young(double E_Pa, double nu)
 {
     return (struct lame){.lambda_Pa = E_Pa * nu / ((1 + nu) * (1 - 2 * nu)), .mu_Pa = E_Pa / (2 * (1 + nu))};
@@ -31,14 +38,51 @@ struct element element_geometry(const double *nodes, const uint32_t vertex[4])
     return element;
 }
 
-void element_add_block(const struct element *element, struct lame material, int j, int k, double block[9])
+/* The gradient of a shape function: a sum of terms (constant + slope L_along) alpha_corner. */
+struct gradient_term {
+    double constant, slope;
+    size_t along, corner;
+};
+
+static int gradient(enum element_order order, size_t node, struct gradient_term term[2])
 {
-    const double *alpha_j = element->shape_1_m[j], *alpha_k = element->shape_1_m[k];
+    if (node < 4) {
+        bool linear = order == ELEMENT_LINEAR;
+        term[0] = (struct gradient_term){linear ? 1 : -1, linear ? 0 : 4, node, node};
+        return 1;
+    }
+    size_t a = element_edge[node - 4][0], b = element_edge[node - 4][1];
+    term[0] = (struct gradient_term){0, 4, a, b};
+    term[1] = (struct gradient_term){0, 4, b, a};
+    return 2;
+}
+
+/* Mean over the element of (c + s L_i)(d + t L_j): the mean of L is 1/4, that of L_i L_j 1/20, of L_i^2 1/10. */
+static double mean_product(const struct gradient_term *x, const struct gradient_term *y)
+{
+    return x->constant * y->constant + (x->constant * y->slope + x->slope * y->constant) / 4 +
+           x->slope * y->slope * (x->along == y->along ? 2 : 1) / 20;
+}
+
+void element_add_block(const struct element *element, struct lame material, enum element_order order, size_t j,
+                       size_t k, double block[9])
+{
+    struct gradient_term left[2], right[2];
+    int lefts = gradient(order, j, left), rights = gradient(order, k, right);
+    double M[3][3] = {{0}}; /* mean of g_j (x) g_k */
+    for (int p = 0; p < lefts; p++)
+        for (int q = 0; q < rights; q++) {
+            double mean = mean_product(&left[p], &right[q]);
+            const double *alpha_p = element->shape_1_m[left[p].corner], *alpha_q = element->shape_1_m[right[q].corner];
+            for (int a = 0; a < 3; a++)
+                for (int b = 0; b < 3; b++)
+                    M[a][b] += mean * alpha_p[a] * alpha_q[b];
+        }
     double lambda = element->volume_m3 * material.lambda_Pa, mu = element->volume_m3 * material.mu_Pa;
-    double dot = alpha_j[0] * alpha_k[0] + alpha_j[1] * alpha_k[1] + alpha_j[2] * alpha_k[2];
+    double dot = M[0][0] + M[1][1] + M[2][2];
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++)
-            block[3 * a + b] += lambda * alpha_j[a] * alpha_k[b] + mu * alpha_k[a] * alpha_j[b];
+            block[3 * a + b] += lambda * M[a][b] + mu * M[b][a];
         block[4 * a] += mu * dot;
     }
 }

@@ -1,14 +1,12 @@
 #include "model_state.h"
 
-#include <lapacke.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "holding.h"
 #include "rigid.h"
 #include "stiffness.h"
-
-enum { SOLVE_BLOCK = 64 }; /* right-hand sides per solve: wide enough for matrix products, small beside the factor */
 
 int model_cholmod_failure(struct model *model, const char *what, struct failure *why)
 {
@@ -22,15 +20,18 @@ int model_cholmod_failure(struct model *model, const char *what, struct failure 
 
 int model_indefinite(const struct model *model, size_t unknown, struct failure *why)
 {
-    size_t node = 0;
-    for (size_t i = 0; i < 3 * model->mesh->node_count; i++)
-        if (model->unknown[i] >= 0 && (size_t)model->unknown[i] == unknown)
-            node = i / 3;
-    const double *x = model->mesh->nodes + 3 * node;
+    uint32_t ends[2];
+    space_ends(&model->space, model->node[unknown], ends);
+    const double *a = model->mesh->nodes + 3 * (size_t)ends[0], *b = model->mesh->nodes + 3 * (size_t)ends[1];
+    char where[60];
+    if (ends[0] == ends[1])
+        snprintf(where, sizeof where, "at node %u", ends[0]);
+    else
+        snprintf(where, sizeof where, "between nodes %u and %u", ends[0], ends[1]);
     return failure_set(why, STATUS_MODEL_FACTOR, model->place,
                        "look for slivers or a hinge there with trocar mesh, or lower nu",
-                       "the stiffness matrix is not positive definite to rounding at node %zu (%.4g, %.4g, %.4g) m",
-                       node, x[0], x[1], x[2]);
+                       "the stiffness matrix is not positive definite to rounding %s (%.4g, %.4g, %.4g) m", where,
+                       (a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2);
 }
 
 static int check_materials(const struct scene *scene, struct failure *why)
@@ -76,102 +77,20 @@ static int check_elements(const struct model *model, struct failure *why)
     return status;
 }
 
-/* What holds the body: flags per component (3 per node), springs, and one support per held direction. */
-struct holding {
-    bool *fixed;
-    double (*spring)[6];
-    struct support *support;
-    size_t supports, room;
-};
-
-static bool hold(struct holding *holding, size_t node, const double direction[3])
-{
-    if (holding->supports == holding->room) {
-        size_t room = 2 * holding->room + 256;
-        struct support *larger = realloc(holding->support, room * sizeof *larger);
-        if (!larger)
-            return false;
-        holding->support = larger;
-        holding->room = room;
-    }
-    struct support *support = &holding->support[holding->supports++];
-    support->node = (uint32_t)node;
-    memcpy(support->direction, direction, sizeof support->direction);
-    return true;
-}
-
-static int fix(const struct scene *scene, const struct model *model, bool *inside, struct holding *holding,
-               struct failure *why)
-{
-    for (size_t f = 0; f < scene->fixed_count; f++) {
-        memset(inside, 0, model->mesh->node_count * sizeof *inside);
-        size_t count;
-        int status = scene_select(&scene->fixed[f].where, scene, model->mesh, model->surface, inside, &count, why);
-        if (status)
-            return status;
-        for (size_t i = 0; i < 3 * model->mesh->node_count; i++)
-            if (inside[i / 3] && scene->fixed[f].component[i % 3])
-                holding->fixed[i] = true;
-    }
-    static const double axis[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    for (size_t i = 0; i < 3 * model->mesh->node_count; i++)
-        if (holding->fixed[i] && !hold(holding, i / 3, axis[i % 3]))
-            return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for the fixed nodes");
-    return STATUS_OK;
-}
-
-/* A ligament's stiffness is shared equally by the surface vertices that it selects. */
-static int tie(const struct scene *scene, const struct model *model, bool *inside, struct holding *holding,
-               struct failure *why)
-{
-    for (size_t l = 0; l < scene->ligament_count; l++) {
-        const struct scene_ligament *ligament = &scene->ligament[l];
-        const double *d = ligament->direction;
-        double length = sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        if (!(ligament->stiffness_N_m >= 0 && isfinite(ligament->stiffness_N_m) && length > 0 && isfinite(length)))
-            return failure_at(
-                why, STATUS_SCENE_VALUE, scene->path, ligament->where.line, "give a stiffness >= 0 and a direction",
-                "a ligament has stiffness %g N/m, direction %g %g %g", ligament->stiffness_N_m, d[0], d[1], d[2]);
-        memset(inside, 0, model->mesh->node_count * sizeof *inside);
-        size_t count, vertices = 0;
-        int status = scene_select(&ligament->where, scene, model->mesh, model->surface, inside, &count, why);
-        if (status)
-            return status;
-        for (size_t v = 0; v < model->surface->vertex_count; v++)
-            vertices += inside[model->surface->node[v]];
-        if (vertices == 0)
-            return failure_at(why, STATUS_SCENE_SELECTION, scene->path, ligament->where.line,
-                              "move it to the body's surface", "a ligament holds no surface vertex");
-        if (ligament->stiffness_N_m == 0)
-            continue;
-        if (!holding->spring)
-            holding->spring = calloc(model->mesh->node_count, sizeof *holding->spring);
-        double unit[3] = {d[0] / length, d[1] / length, d[2] / length};
-        double share = ligament->stiffness_N_m / (double)vertices;
-        for (size_t v = 0; v < model->surface->vertex_count && holding->spring; v++) {
-            uint32_t node = model->surface->node[v];
-            if (!inside[node])
-                continue;
-            static const int row[6] = {0, 1, 2, 0, 0, 1}, column[6] = {0, 1, 2, 1, 2, 2};
-            for (int c = 0; c < 6; c++)
-                holding->spring[node][c] += share * unit[row[c]] * unit[column[c]];
-            if (!hold(holding, node, unit))
-                return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for the ligaments");
-        }
-        if (!holding->spring)
-            return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for the ligaments");
-    }
-    return STATUS_OK;
-}
-
 static int number_unknowns(struct model *model, const bool *fixed, struct failure *why)
 {
-    size_t components = 3 * model->mesh->node_count;
+    size_t components = 3 * model->space.node_count;
     if (components > INT32_MAX)
         return failure_set(why, STATUS_MESH_TOO_LARGE, model->place, NULL,
-                           "%zu nodes are more than the solver can number", model->mesh->node_count);
-    for (size_t i = 0; i < components; i++)
+                           "%zu nodes are more than the solver can number", model->space.node_count);
+    model->unknown = malloc((components + 1) * sizeof *model->unknown);
+    model->node = malloc((components + 1) * sizeof *model->node);
+    if (!model->unknown || !model->node)
+        return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu nodes", model->space.node_count);
+    for (size_t i = 0; i < components; i++) {
+        model->node[model->unknowns] = (uint32_t)(i / 3); /* overwritten by the next when this one is fixed */
         model->unknown[i] = fixed[i] ? -1 : (int32_t)model->unknowns++;
+    }
     for (size_t v = 0; v < model->surface->vertex_count; v++) {
         const int32_t *u = model->unknown + 3 * (size_t)model->surface->node[v];
         model->fixed_vertex[v] = u[0] < 0 && u[1] < 0 && u[2] < 0;
@@ -200,7 +119,7 @@ static int assemble(const struct scene *scene, struct model *model, const struct
                               element_geometry(mesh->nodes, mesh->tetrahedra + 4 * t).volume_m3;
     }
     if (status == STATUS_OK)
-        status = stiffness_assemble(mesh, lame, material_of, model->unknown, model->unknowns,
+        status = stiffness_assemble(&model->space, lame, material_of, model->unknown, model->unknowns,
                                     (struct springs){holding->spring}, &model->common, &model->K, why);
     free(material_of);
     return status;
@@ -220,31 +139,29 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     model->common.print = 0; /* failures are reported by us */
     model->common.supernodal = CHOLMOD_SUPERNODAL;
 
-    struct holding holding = {.fixed = calloc(3 * mesh->node_count + 1, sizeof(bool))};
-    bool *inside = calloc(mesh->node_count + 1, sizeof *inside);
-    model->unknown = malloc((3 * mesh->node_count + 1) * sizeof *model->unknown);
+    struct holding holding = {0};
     model->fixed_vertex = calloc(surface->vertex_count + 1, sizeof *model->fixed_vertex);
     int status = STATUS_OK;
-    if (!holding.fixed || !inside || !model->unknown || !model->fixed_vertex)
-        status = failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu nodes", mesh->node_count);
+    if (!model->fixed_vertex)
+        status =
+            failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu vertices", surface->vertex_count);
     if (status == STATUS_OK)
         status = check_materials(scene, why);
     if (status == STATUS_OK)
         status = check_elements(model, why);
     if (status == STATUS_OK)
-        status = fix(scene, model, inside, &holding, why);
+        status = space_create(mesh, scene->order, &model->space, why);
     if (status == STATUS_OK)
-        status = tie(scene, model, inside, &holding, why);
+        status = projection_create(&model->space, surface, &model->projection, why);
+    if (status == STATUS_OK)
+        status = holding_find(scene, &model->space, surface, model->place, &holding, why);
     if (status == STATUS_OK)
         status = rigid_check(mesh, holding.supports, holding.support, model->place, why);
     if (status == STATUS_OK)
         status = number_unknowns(model, holding.fixed, why);
     if (status == STATUS_OK)
         status = assemble(scene, model, &holding, why);
-    free(holding.fixed);
-    free(holding.spring);
-    free(holding.support);
-    free(inside);
+    holding_free(&holding);
     if (status) {
         model_free(model);
         return status;
@@ -258,9 +175,13 @@ void model_free(struct model *model)
     if (!model)
         return;
     cholmod_free_factor(&model->factor, &model->common);
+    cholmod_free_factor(&model->pattern, &model->common);
     cholmod_free_sparse(&model->K, &model->common);
     cholmod_finish(&model->common);
     free(model->unknown);
+    free(model->node);
+    projection_free(&model->projection);
+    space_free(&model->space);
     free(model->fixed_vertex);
     free(model);
 }
@@ -290,87 +211,32 @@ double model_mass(const struct model *model)
     return model->mass_kg;
 }
 
-void model_multiply(const struct model *model, const double *x, double *y)
+const char *model_discretisation(const struct model *model)
 {
-    const int32_t *start = model->K->p, *row = model->K->i;
-    const double *value = model->K->x;
-    memset(y, 0, model->unknowns * sizeof *y);
-    for (size_t j = 0; j < model->unknowns; j++) {
-        double sum = value[start[j]] * x[j]; /* the diagonal leads its column */
-        for (int32_t i = start[j] + 1; i < start[j + 1]; i++) {
-            y[row[i]] += value[i] * x[j];
-            sum += value[i] * x[row[i]];
-        }
-        y[j] += sum;
+    return model->space.order == ELEMENT_QUADRATIC ? "P2 projected" : "P1";
+}
+
+void model_load(const struct model *model, uint32_t vertex, int c, double force_N, double *f)
+{
+    const struct projection *R = &model->projection;
+    if (model_unknown(model, model->surface->node[vertex], c) < 0)
+        return;
+    for (size_t k = R->start[vertex]; k < R->start[vertex + 1]; k++) {
+        int32_t unknown = model_unknown(model, R->node[k], c);
+        if (unknown >= 0)
+            f[unknown] += R->weight[k] * force_N;
     }
 }
 
-/* The first unknown whose pivot is only rounding, or `unknowns`. */
-static size_t weak_pivot(const struct model *model, const cholmod_factor *L)
+double model_displacement(const struct model *model, uint32_t vertex, int c, const double *u)
 {
-    const int32_t *first = L->super, *rows = L->pi, *values = L->px, *order = L->Perm, *start = model->K->p;
-    const double *x = L->x, *K = model->K->x;
-    for (size_t s = 0; s < L->nsuper; s++)
-        for (int32_t k = 0; k < first[s + 1] - first[s]; k++) {
-            double pivot = x[(size_t)values[s] + (size_t)k * ((size_t)(rows[s + 1] - rows[s]) + 1)];
-            int32_t unknown = order[first[s] + k];
-            if (!(pivot * pivot > MODEL_PIVOT_MIN * K[start[unknown]])) /* the diagonal leads its column */
-                return (size_t)unknown;
-        }
-    return model->unknowns;
-}
-
-static int factor(struct model *model, struct failure *why)
-{
-    if (model->factor)
-        return STATUS_OK;
-    cholmod_common *common = &model->common;
-    cholmod_factor *L = cholmod_analyze(model->K, common); /* AMD, and METIS when AMD fills much */
-    if (!L)
-        return model_cholmod_failure(model, "order", why);
-    int status = STATUS_OK;
-    cholmod_factorize(model->K, L, common);
-    if (common->status == CHOLMOD_NOT_POSDEF || (common->status == CHOLMOD_OK && L->minor < model->unknowns))
-        status = model_indefinite(model, (size_t)((const int32_t *)L->Perm)[L->minor], why);
-    else if (common->status < CHOLMOD_OK)
-        status = model_cholmod_failure(model, "factor", why);
-    else if (weak_pivot(model, L) < model->unknowns)
-        status = model_indefinite(model, weak_pivot(model, L), why);
-    if (status)
-        cholmod_free_factor(&L, common);
-    model->factor = L;
-    return status;
-}
-
-/* A caller's array as CHOLMOD sees it. */
-static cholmod_dense dense(size_t rows, size_t columns, double *values)
-{
-    return (cholmod_dense){.nrow = rows,
-                           .ncol = columns,
-                           .nzmax = rows * columns,
-                           .d = rows,
-                           .x = values,
-                           .xtype = CHOLMOD_REAL,
-                           .dtype = CHOLMOD_DOUBLE};
-}
-
-int model_solve(struct model *model, size_t columns, const double *f, double *u, struct failure *why)
-{
-    int status = factor(model, why);
-    cholmod_dense *X = NULL, *Y = NULL, *E = NULL; /* kept between blocks */
-    for (size_t c = 0; c < columns && status == STATUS_OK; c += SOLVE_BLOCK) {
-        size_t width = columns - c < SOLVE_BLOCK ? columns - c : SOLVE_BLOCK;
-        cholmod_dense B = dense(model->unknowns, width, (double *)(f + c * model->unknowns)); /* read only */
-        if (interrupted())
-            status =
-                failure_set(why, STATUS_INTERRUPTED, NULL, NULL, "interrupted after %zu of %zu solves", c, columns);
-        else if (!cholmod_solve2(CHOLMOD_A, model->factor, &B, NULL, &X, NULL, &Y, &E, &model->common))
-            status = model_cholmod_failure(model, "solve", why);
-        else
-            memcpy(u + c * model->unknowns, X->x, width * model->unknowns * sizeof *u);
+    const struct projection *R = &model->projection;
+    double sum = 0;
+    if (model_unknown(model, model->surface->node[vertex], c) < 0)
+        return 0;
+    for (size_t k = R->start[vertex]; k < R->start[vertex + 1]; k++) {
+        int32_t unknown = model_unknown(model, R->node[k], c);
+        sum += unknown >= 0 ? R->weight[k] * u[unknown] : 0;
     }
-    cholmod_free_dense(&X, &model->common);
-    cholmod_free_dense(&Y, &model->common);
-    cholmod_free_dense(&E, &model->common);
-    return status;
+    return sum;
 }

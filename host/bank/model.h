@@ -1,5 +1,6 @@
-/* The finite-element model of a body: linear tetrahedra [C97 1, P01 with V0], linear elasticity, sparse stiffness K,
- * its CHOLMOD factor. Unknowns are the free components only. Forces: K u = f, with f exerted on the body. */
+/* The finite-element model of a body: linear [C97 1, P01 with V0] or quadratic tetrahedra as the scene says, linear
+ * elasticity, sparse stiffness K, its CHOLMOD factor. Unknowns are the free components only. Forces: K u = f, with f
+ * exerted on the body. Surface vertices are loaded and read through R (projection.h), for linear elements the identity. */
 #ifndef TROCAR_MODEL_H
 #define TROCAR_MODEL_H
 
@@ -22,12 +23,18 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
 void model_free(struct model *model);
 
 size_t model_unknowns(const struct model *model);
-size_t model_nonzeros(const struct model *model); /* of K, lower half */
+size_t model_nonzeros(const struct model *model);            /* of K, lower half */
+const char *model_discretisation(const struct model *model); /* "P1" or "P2 projected" */
 /* Unknown of component c (0..2) of mesh node n, or -1 when it is fixed. */
 int32_t model_unknown(const struct model *model, size_t node, int c);
 /* One flag per surface vertex: all three components fixed. */
 const bool *model_fixed_vertices(const struct model *model);
 double model_mass(const struct model *model); /* kg, from the densities */
+
+/* f += R e: a force on component c of a surface vertex, N. Nothing when the component is fixed. */
+void model_load(const struct model *model, uint32_t vertex, int c, double force_N, double *f);
+/* Component c of R^t u: the displacement of a surface vertex, m; 0 when the component is fixed. */
+double model_displacement(const struct model *model, uint32_t vertex, int c, const double *u);
 
 /* y = K x over unknowns (for tests and residuals). */
 void model_multiply(const struct model *model, const double *x, double *y);
@@ -37,7 +44,7 @@ void model_multiply(const struct model *model, const double *x, double *y);
 int model_solve(struct model *model, size_t columns, const double *f, double *u, struct failure *why);
 
 /* Reaction of an independent full solve: displacement prescribed on `m` constraint rows, row r being
- * sum_k weight[3r+k] * u[vertex[3r+k]] . direction[3r..3r+2] = d[r] (surface vertices), with regularisation epsilon:
+ * sum_k weight[3r+k] * (R^t u)[vertex[3r+k]] . direction[3r..3r+2] = d[r] (surface vertices), with regularisation epsilon:
  * the Lagrange multipliers p (force exerted on the tissue along each row's direction) solve (B K^-1 B^t + epsilon I) p
  * = d. Dense in m, sparse direct in the body; double precision. `compliance` (m x m, row-major) takes B K^-1 B^t,
  * without epsilon; it may be NULL. With d or p NULL only the compliance is computed. */
@@ -45,12 +52,11 @@ int model_constrained(struct model *model, size_t m, const uint32_t *vertex, con
                       const double *direction, double epsilon, const double *d, double *p, double *compliance,
                       struct failure *why);
 
-/* Compliance on the surface: rows are the surface vertices that are not wholly fixed, in vertex order; a fixed component
- * of a vertex that is partly fixed has zeros in its row and column. G is n x n blocks, dense column-major 3n x 3n, lower
- * half filled, upper half zero (double, calloc). Interior eliminated first, then the inverse of the dense Schur complement:
- * no solve per column. About 27 n^3 operations beside the interior's, at the speed of dgemm on OpenBLAS' threads; memory
- * 36 n^2 bytes (72 n^2 of address space; the upper half is never touched) and the interior's factor while it runs. A tenth
- * of a second to stop at Ctrl-C for a thousand rows, a second for three thousand. row_of[vertex] = row or UINT32_MAX. */
+/* Compliance on the surface, G = R^t K^-1 R: rows are the surface vertices that are not wholly fixed, in vertex order; a
+ * fixed component of a vertex that is partly fixed has zeros in its row and column. G is n x n blocks, dense column-major
+ * 3n x 3n, lower half filled, upper half zero (double, calloc). One sparse elimination that carries the columns of R along
+ * (schur.h): no solve per column. Memory 36 n^2 bytes (72 n^2 of address space; the upper half is never touched) and what
+ * schur.h says while it runs. Stops within a second of Ctrl-C. row_of[vertex] = row or UINT32_MAX. */
 struct compliance {
     size_t rows;
     double *G;                  /* 9 rows^2 */

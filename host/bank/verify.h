@@ -1,6 +1,6 @@
 /* A bank against the body that it claims to describe: everything in it is derived again from the scene and compared, and
  * random columns of the compliance are recomputed by direct sparse solves, which share nothing with the way in which
- * compliance_build makes them (Schur complement and dense inverse). */
+ * compliance_build makes them (an elimination of its own). */
 #ifndef TROCAR_VERIFY_H
 #define TROCAR_VERIFY_H
 

@@ -9,8 +9,8 @@
 #include "cli.h"
 
 static const char usage[] =
-    "usage: trocar build SCENE.yaml -o BANK [--step X | --force-error P | --plain] [--json] [--quiet]\n"
-    "       trocar build MESH --extent METRES | --unit m|cm|mm [--size METRES] -o BANK [--json] [--quiet]\n"
+    "usage: trocar build SCENE.yaml -o BANK [--order ORDER] [--step X | --force-error P | --plain] [--json] [--quiet]\n"
+    "       trocar build MESH --extent METRES | --unit m|cm|mm [--size METRES] -o BANK ...\n"
     "\n"
     "Builds the bank that a controller reads. With a mesh alone, the scene that is assumed (tissue E = 4 kPa, nu = "
     "0.45,\n"
@@ -22,13 +22,15 @@ static const char usage[] =
     "      --unit UNIT      unit of the mesh's coordinates: m, cm or mm\n"
     "      --size METRES    element size with which a surface (STL, OBJ, PLY) is filled; its own triangles if not "
     "given\n"
-    "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.05\n"
+    "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.2\n"
     "                       (coarse); 1.25e-3 if nothing is asked for\n"
     "      --force-error P  the smallest bank whose forces are off by at most P: 0.5%, or 0.005 (95 % of patches of 3 "
     "to "
     "10\n"
     "                       contacts)\n"
     "      --plain          the compliance uncompressed, as float32\n"
+    "      --order ORDER    of the elements: linear, or quadratic, which are not too stiff; the scene's, else "
+    "quadratic\n"
     "      --json           one JSON object on stdout; an assumed scene then goes to stderr\n"
     "      --quiet          no progress\n";
 
@@ -36,6 +38,8 @@ struct options {
     const char *input, *output;
     double extent_m, size_m;
     enum mesh_unit unit;
+    bool order_given;
+    enum element_order order;
     struct compression compression;
     bool json, quiet, help;
 };
@@ -78,20 +82,25 @@ static int parse_share(const char *text, double *share, struct failure *why)
     return STATUS_OK;
 }
 
+static int parse_order(const char *text, struct options *o, struct failure *why)
+{
+    o->order_given = true;
+    o->order = !strcmp(text, "quadratic") ? ELEMENT_QUADRATIC : ELEMENT_LINEAR;
+    if (o->order == ELEMENT_LINEAR && strcmp(text, "linear") != 0)
+        return failure_set(why, STATUS_USAGE, NULL, NULL, "--order is linear or quadratic, not \"%.60s\"", text);
+    return STATUS_OK;
+}
+
 static int parse(int argc, char **argv, struct options *o, struct failure *why)
 {
-    enum { EXTENT = 256, UNIT, SIZE, STEP, FORCE_ERROR, PLAIN, JSON, QUIET };
-    static const struct option longs[] = {{"output", required_argument, NULL, 'o'},
-                                          {"extent", required_argument, NULL, EXTENT},
-                                          {"unit", required_argument, NULL, UNIT},
-                                          {"size", required_argument, NULL, SIZE},
-                                          {"json", no_argument, NULL, JSON},
-                                          {"quiet", no_argument, NULL, QUIET},
-                                          {"step", required_argument, NULL, STEP},
-                                          {"force-error", required_argument, NULL, FORCE_ERROR},
-                                          {"plain", no_argument, NULL, PLAIN},
-                                          {"help", no_argument, NULL, 'h'},
-                                          {0}};
+    enum { EXTENT = 256, UNIT, SIZE, ORDER, STEP, FORCE_ERROR, PLAIN, JSON, QUIET };
+    static const struct option longs[] = {
+        {"output", required_argument, NULL, 'o'}, {"extent", required_argument, NULL, EXTENT},
+        {"unit", required_argument, NULL, UNIT},  {"size", required_argument, NULL, SIZE},
+        {"json", no_argument, NULL, JSON},        {"quiet", no_argument, NULL, QUIET},
+        {"step", required_argument, NULL, STEP},  {"force-error", required_argument, NULL, FORCE_ERROR},
+        {"plain", no_argument, NULL, PLAIN},      {"order", required_argument, NULL, ORDER},
+        {"help", no_argument, NULL, 'h'},         {0}};
     int answer, status = STATUS_OK;
     opterr = 0;
     optind = 0; /* GNU: start over */
@@ -110,6 +119,8 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
             status = parse_share(optarg, &o->compression.force_error, why);
         else if (answer == PLAIN)
             o->compression.plain = true;
+        else if (answer == ORDER)
+            status = parse_order(optarg, o, why);
         else if (answer == JSON)
             o->json = true;
         else if (answer == QUIET)
@@ -170,7 +181,7 @@ static void print_json(const struct build_result *r, const char *path)
     json_object_object_add(root, "seconds", json_object_new_double(r->seconds));
     json_object_object_add(root, "peak_rss_bytes", json_object_new_int64((int64_t)r->peak_rss_bytes));
     json_object_object_add(root, "median_compliance_m_N", json_object_new_double(r->median_compliance_m_N));
-    json_object_object_add(root, "discretisation", json_object_new_string(BANK_DISCRETISATION));
+    json_object_object_add(root, "discretisation", json_object_new_string(r->discretisation));
     json_object_object_add(error, "reference", json_object_new_string(COMPRESSION_ERROR_REFERENCE));
     json_object_object_add(error, "p95", json_object_new_double(r->force_error_p95));
     json_object_object_add(error, "max", json_object_new_double(r->force_error_max));
@@ -192,11 +203,11 @@ static void print_text(FILE *out, const struct build_result *r, const char *path
     char measured[200];
     compression_error_print(&r->error, measured, sizeof measured);
     fprintf(out,
-            "%s: %zu nodes, %zu tetrahedra, %zu surface nodes (%zu free)\n"
+            "%s: %zu nodes, %zu tetrahedra (%s), %zu surface nodes (%zu free)\n"
             "%zu bytes, built in %.1f s with at most %.0f MB\n"
             "force error in %% (p95, max): %s; against the %s\n",
-            path, r->nodes, r->elements, r->surface_nodes, r->rows, r->bytes, r->seconds, 1e-6 * r->peak_rss_bytes,
-            measured, COMPRESSION_ERROR_REFERENCE);
+            path, r->nodes, r->elements, r->discretisation, r->surface_nodes, r->rows, r->bytes, r->seconds,
+            1e-6 * r->peak_rss_bytes, measured, COMPRESSION_ERROR_REFERENCE);
 }
 
 int verb_build(int argc, char **argv, struct failure *why)
@@ -214,6 +225,8 @@ int verb_build(int argc, char **argv, struct failure *why)
     if (!scene)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     status = get_scene(&o, scene, why);
+    if (!status && o.order_given)
+        scene->order = o.order;
     if (!status)
         status = bank_build(scene, o.output, &o.compression, o.quiet, &result, why);
     char *assumed = !status && !is_scene(o.input) ? scene_print(scene) : NULL;

@@ -70,6 +70,7 @@ void scene_assume(const char *mesh_path, double extent_m, enum mesh_unit unit, s
     *scene = (struct scene){
         .extent_m = extent_m,
         .unit = extent_m > 0 ? MESH_UNIT_NONE : unit,
+        .order = SCENE_DEFAULT_ORDER,
         .regularisation = SCENE_DEFAULT_REGULARISATION,
         .material_count = 1,
         .fixed_count = 1,

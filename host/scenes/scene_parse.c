@@ -132,7 +132,9 @@ static void mesh(struct tree *t, tree_node map, struct scene *scene)
     int choice = tree_choice(t, unit, "unit", KEYS("m", "cm", "mm"));
     scene->unit = choice < 0 ? MESH_UNIT_NONE : unit_of[choice];
     bounded(t, size, "size", DIMENSION_LENGTH, MIN_LENGTH_m, MAX_LENGTH_m, " m", &scene->surface_size_m);
-    tree_choice(t, tree_find(t, map, "order"), "order", KEYS("linear"));
+    static const enum element_order order_of[] = {ELEMENT_LINEAR, ELEMENT_QUADRATIC};
+    choice = tree_choice(t, tree_find(t, map, "order"), "order", KEYS("linear", "quadratic"));
+    scene->order = choice < 0 ? SCENE_DEFAULT_ORDER : order_of[choice];
 }
 
 static void materials(struct tree *t, tree_node list, struct scene *scene)

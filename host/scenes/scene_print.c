@@ -82,7 +82,7 @@ static void body(FILE *out, const struct scene *scene)
         fprintf(out, ", unit: %s", unit_name[scene->unit]);
     if (scene->surface_size_m > 0)
         quantity(out, ", size: ", scene->surface_size_m, DIMENSION_LENGTH);
-    fputs(", order: linear}\n  materials:\n", out);
+    fprintf(out, ", order: %s}\n  materials:\n", scene->order == ELEMENT_QUADRATIC ? "quadratic" : "linear");
     for (size_t i = 0; i < scene->material_count; i++) {
         const struct scene_material *m = &scene->material[i];
         word(out, "    - {label: ", m->label);

@@ -165,7 +165,7 @@ static const struct fault faults[] = {
     {"0.214 m", "0 m", STATUS_SCENE_VALUE, 3, "extent = 0"},
     {"size: 6 mm", "unit: mm", STATUS_SCENE_VALUE, 3, "both"},
     {"size: 6 mm", "size: -6 mm", STATUS_SCENE_VALUE, 3, "size = -0.006"},
-    {"order: linear", "order: quadratic", STATUS_SCENE_VALUE, 3, "known here: linear"},
+    {"order: linear", "order: cubic", STATUS_SCENE_VALUE, 3, "known here: linear, quadratic"},
     {"to: [0.1, 50 mm, 1e-2]", "to: [-0.2, 50 mm, 1e-2]", STATUS_SCENE_VALUE, 9, "along x"},
     {"radius: 5 mm", "radius: 0 mm", STATUS_SCENE_VALUE, 10, "radius = 0"},
     {"[0, 3, -4]", "[0, 0, 0]", STATUS_SCENE_VALUE, 11, "no direction"},

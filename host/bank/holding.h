@@ -1,0 +1,29 @@
+/* What holds a body: the scene's fixed nodes and its ligaments, on the nodes of a finite-element space. */
+#ifndef TROCAR_HOLDING_H
+#define TROCAR_HOLDING_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "failure.h"
+#include "rigid.h"
+#include "scene.h"
+#include "space.h"
+
+struct holding {
+    bool *fixed;             /* 3 per node of the space: this component does not move */
+    double (*spring)[6];     /* per node: xx yy zz xy xz yz of the springs to the ground, N/m; NULL without ligaments */
+    struct support *support; /* one per held direction of a mesh node, for rigid_check */
+    size_t supports, room;
+};
+
+/* From the scene. The middle of an edge is fixed in a component when both ends are. A ligament's stiffness is shared
+ * equally by the surface vertices that it selects; in P2 a vertex passes 16/19 of its share on, in equal parts, to the
+ * middles of the surface edges that lead to other selected vertices, as a lumped mass is (the diagonal of the mass
+ * matrix, scaled): the corner of a quadratic triangle carries next to nothing of a uniform traction. `place` is named in
+ * messages. Free with holding_free, also after a failure. */
+int holding_find(const struct scene *scene, const struct space *space, const struct surface *surface, const char *place,
+                 struct holding *holding, struct failure *why);
+void holding_free(struct holding *holding);
+
+#endif
