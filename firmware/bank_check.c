@@ -104,10 +104,10 @@ static int check_cells(struct bank_view *view)
 {
     const struct bank_grid *g = view->grid;
     uint32_t cells = (uint32_t)g->cells[0] * g->cells[1] * g->cells[2], longest = 0;
-    if (view->cell_start[0] != 0)
+    if (bank_view_cell_start(view, 0) != 0)
         return fault(view, STATUS_BANK_INDEX, BANK_GRID, 0);
     for (uint32_t c = 0; c < cells; c++) { /* bound: BANK_MAX_GRID_CELLS */
-        uint32_t start = view->cell_start[c], end = view->cell_start[c + 1];
+        uint32_t start = bank_view_cell_start(view, c), end = bank_view_cell_start(view, c + 1);
         if (end < start || end > g->entries || end - start > BANK_MAX_CELL_TRIANGLES)
             return fault(view, STATUS_BANK_INDEX, BANK_GRID, c);
         for (uint32_t e = start; e < end; e++) { /* bound: BANK_MAX_CELL_TRIANGLES */
@@ -118,7 +118,7 @@ static int check_cells(struct bank_view *view)
         if (end - start > longest)
             longest = end - start;
     }
-    if (view->cell_start[cells] != g->entries || longest != g->max_in_cell)
+    if (bank_view_cell_start(view, cells) != g->entries || longest != g->max_in_cell)
         return fault(view, STATUS_BANK_INDEX, BANK_GRID, cells);
     return STATUS_OK;
 }
@@ -151,7 +151,8 @@ static int check_cover(struct bank_view *view)
         for (int k = 0; k < 3; k++) /* bound: 3 */
             centroid[k] =
                 (view->positions[3 * v[0] + k] + view->positions[3 * v[1] + k] + view->positions[3 * v[2] + k]) / 3;
-        uint32_t cell = cell_of(g, centroid), e = view->cell_start[cell], end = view->cell_start[cell + 1];
+        uint32_t cell = cell_of(g, centroid), e = bank_view_cell_start(view, cell),
+                 end = bank_view_cell_start(view, cell + 1);
         while (e < end && view->cell_triangle[e] != t) /* bound: BANK_MAX_CELL_TRIANGLES */
             e++;
         if (e == end)

@@ -80,7 +80,7 @@ static int check_entry(const struct bank_section *table, uint32_t k, uint64_t ex
     if (is_required_tag(s->tag)) {
         if (s->flags != BANK_REQUIRED)
             return STATUS_BANK_SECTION;
-        if (s->version != 1)
+        if (s->version != (s->tag == BANK_GRID ? 2 : 1))
             return STATUS_BANK_VERSION;
     } else if (s->flags & BANK_REQUIRED)
         return STATUS_BANK_REQUIRED;
@@ -160,7 +160,7 @@ static int check_grid_size(struct bank_view *view, const struct bank_section *se
         if (cells > BANK_MAX_GRID_CELLS)
             return fault(view, STATUS_BANK_INDEX, BANK_GRID, 0);
     }
-    uint64_t bytes = sizeof *g + 4 * ((uint64_t)cells + 1) + 2 * (uint64_t)g->entries;
+    uint64_t bytes = sizeof *g + 4 * (cells / 32 + 1) + 2 * ((uint64_t)cells + 1) + 2 * (uint64_t)g->entries;
     if (section->count != cells || section->length != bytes)
         return fault(view, STATUS_BANK_LENGTH, BANK_GRID, 0);
     return STATUS_OK;
@@ -235,8 +235,9 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
     view->normals = (const float *)(base + found[1]->offset);
     view->triangles = (const struct bank_triangle *)(base + found[2]->offset);
     view->grid = grid;
-    view->cell_start = (const uint32_t *)(grid + 1);
-    view->cell_triangle = (const uint16_t *)(view->cell_start + found[3]->count + 1);
+    view->cell_base = (const uint32_t *)(grid + 1);
+    view->cell_start = (const uint16_t *)(view->cell_base + found[3]->count / 32 + 1);
+    view->cell_triangle = view->cell_start + found[3]->count + 1;
     view->row_of = (const uint16_t *)(base + found[4]->offset);
     view->contact = (const struct bank_contact *)(base + found[5]->offset);
     view->tools = (const struct bank_tool *)(base + found[6]->offset);

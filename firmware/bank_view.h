@@ -31,8 +31,8 @@ struct bank_view {
     const float *normals;   /* 3 per vertex */
     const struct bank_triangle *triangles;
     const struct bank_grid *grid;
-    const uint32_t *cell_start;
-    const uint16_t *cell_triangle;
+    const uint32_t *cell_base; /* per 32 cells */
+    const uint16_t *cell_start, *cell_triangle;
     const uint16_t *row_of; /* per vertex; BANK_NONE when fixed */
     const float *half;      /* GHLF; NULL when the bank holds FACT */
     struct bank_factor_view factor;
@@ -57,6 +57,12 @@ enum { BANK_VIEW_EFFECTS = 0 }; /* bit k: effect k is part of this image */
  *   BANK_CRC        header, table or a section changed      BANK_INDEX     an index points outside its table, or lies
  *   BANK_SECTION    the table is not as specified           BANK_NONFINITE a number is not finite or not plausible */
 int bank_view_open(struct bank_view *view, const void *bytes, size_t length);
+
+/* First entry of cell_triangle that belongs to cell c; c = cells: behind the last. */
+static inline uint32_t bank_view_cell_start(const struct bank_view *view, uint32_t c)
+{
+    return view->cell_base[c / 32] + view->cell_start[c];
+}
 
 /* Section by tag, NULL when absent; its bytes start at (const char *)view->header + section->offset. */
 const struct bank_section *bank_view_section(const struct bank_view *view, uint32_t tag);

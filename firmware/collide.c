@@ -110,7 +110,8 @@ static bool sweep(const struct bank_view *bank, const float from_m[3], const flo
     int32_t cells = grid->cells[0] + grid->cells[1] + grid->cells[2] + 1;
     for (int32_t visited = 0; visited < cells; visited++) { /* bound: nx + ny + nz + 1 */
         uint32_t c = (uint32_t)cell[0] + grid->cells[0] * ((uint32_t)cell[1] + grid->cells[1] * (uint32_t)cell[2]);
-        for (uint32_t e = bank->cell_start[c]; e < bank->cell_start[c + 1]; e++) { /* bound: max_in_cell */
+        for (uint32_t e = bank_view_cell_start(bank, c); e < bank_view_cell_start(bank, c + 1);
+             e++) { /* bound: max_in_cell */
             struct collide_hit candidate;
             if (crosses(bank, bank->cell_triangle[e], from_m, direction, side, &candidate) &&
                 (!found || earlier(&candidate, hit))) {

@@ -81,8 +81,9 @@ struct bank_triangle {
     uint16_t neighbour[3]; /* triangle across the edge opposite vertex k */
 };
 
-/* GRID, required: uniform grid over the surface's box. struct bank_grid, then (cells + 1) uint32 starts, then uint16
- * triangle numbers: cell c = x + nx (y + ny z) holds entries start[c] .. start[c+1]-1, in rising order. count = cells.
+/* GRID, required, version 2: uniform grid over the surface's box. struct bank_grid, then uint32 base[cells / 32 + 1], then
+ * uint16 start[cells + 1], then uint16 triangle numbers: cell c = x + nx (y + ny z) holds the entries from base[c / 32] +
+ * start[c] up to the next cell's, in rising order. count = cells.
  * A triangle is listed at least in every cell that, enlarged by 1e-3 of a cell on each side, it meets (so rounding in
  * the traversal loses nothing); every vertex lies inside the grid. */
 #define BANK_GRID BANK_TAG('G', 'R', 'I', 'D')

@@ -235,16 +235,20 @@ static inline struct fixture_part fixture_grid(const float (*x)[3], const struct
 {
     double cell = 2 * sqrt(4 * 12.566 * radius_m * radius_m / (triangles * sqrt(3.0)));
     unsigned n = (unsigned)ceil(2.02 * radius_m / cell), cells = n * n * n, most = 255 * cells;
-    unsigned char *data = calloc(1, sizeof(struct bank_grid) + 4 * (cells + 1) + 2 * (size_t)most);
+    unsigned char *data =
+        calloc(1, sizeof(struct bank_grid) + 4 * (cells / 32 + 1) + 2 * (cells + 1) + 2 * (size_t)most);
     struct bank_grid *g = (struct bank_grid *)data;
-    uint32_t *start = (uint32_t *)(g + 1), entries = 0;
-    uint16_t *entry = (uint16_t *)(start + cells + 1);
+    uint32_t *base = (uint32_t *)(g + 1), entries = 0, first;
+    uint16_t *start = (uint16_t *)(base + cells / 32 + 1), *entry = start + cells + 1;
     *g = (struct bank_grid){.cell_m = (float)cell, .cells = {(uint16_t)n, (uint16_t)n, (uint16_t)n}};
     for (int k = 0; k < 3; k++)
         g->origin_m[k] = (float)(-0.5 * n * cell);
     for (unsigned c = 0; c < cells; c++) {
         unsigned index[3] = {c % n, c / n % n, c / n / n};
-        start[c] = entries;
+        if (c % 32 == 0)
+            base[c / 32] = entries;
+        first = entries;
+        start[c] = (uint16_t)(entries - base[c / 32]);
         for (unsigned f = 0; f < triangles; f++) {
             bool meets = true;
             for (int k = 0; k < 3; k++) {
@@ -255,12 +259,19 @@ static inline struct fixture_part fixture_grid(const float (*x)[3], const struct
             if (meets)
                 entry[entries++] = (uint16_t)f;
         }
-        if (entries - start[c] > g->max_in_cell)
-            g->max_in_cell = (uint16_t)(entries - start[c]);
+        if (entries - first > g->max_in_cell)
+            g->max_in_cell = (uint16_t)(entries - first);
     }
-    start[cells] = g->entries = entries;
-    return (struct fixture_part){
-        BANK_GRID, BANK_REQUIRED, 1, cells, (uint32_t)(sizeof *g + 4 * (cells + 1) + 2 * (size_t)entries), data};
+    if (cells % 32 == 0)
+        base[cells / 32] = entries;
+    start[cells] = (uint16_t)(entries - base[cells / 32]);
+    g->entries = entries;
+    return (struct fixture_part){BANK_GRID,
+                                 BANK_REQUIRED,
+                                 2,
+                                 cells,
+                                 (uint32_t)(sizeof *g + 4 * (cells / 32 + 1) + 2 * (cells + 1) + 2 * (size_t)entries),
+                                 data};
 }
 
 static inline struct fixture_part fixture_compliance(const struct bank_fixture_options *o, double (*x)[3],

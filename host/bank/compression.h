@@ -17,7 +17,7 @@
  * 0.5 % of the forces of a patch (p95) on livers of 1000 to 3000 surface nodes. */
 #define COMPRESSION_STEP     1.25e-3
 #define COMPRESSION_STEP_MIN 2e-5
-#define COMPRESSION_STEP_MAX 0.2
+#define COMPRESSION_STEP_MAX 0.05
 
 enum { COMPRESSION_TRIALS = 400, COMPRESSION_SEED = 1 };
 

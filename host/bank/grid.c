@@ -9,7 +9,7 @@
 /* Margin of a cell, in cells: what the traversal on the controller may lose to rounding (header of bank_format.h), and
  * a little more for the rounding here. */
 static const double margin = 1e-3 + 1e-6;
-static const double target_in_cell = 4;
+static const double target_in_cell = 12;
 
 struct body_box {
     const float *positions;
@@ -123,7 +123,7 @@ static void visit(const struct body_box *body, const struct bank_grid *g, uint32
 
 static bool listed(const struct bank_view *bank, size_t cell, uint32_t t)
 {
-    for (uint32_t e = bank->cell_start[cell]; e < bank->cell_start[cell + 1]; e++)
+    for (uint32_t e = bank_view_cell_start(bank, cell); e < bank_view_cell_start(bank, cell + 1); e++)
         if (bank->cell_triangle[e] == t)
             return true;
     return false;
@@ -252,13 +252,17 @@ int grid_build(size_t vertex_count, const float *positions, size_t triangle_coun
         g->entries = start[grid->cells];
         g->max_in_cell = (uint16_t)census.most;
         grid->occupied = census.occupied;
+        grid->base = malloc((grid->cells / 32 + 1) * sizeof *grid->base);
         grid->start = malloc((grid->cells + 1) * sizeof *grid->start);
         grid->entry = malloc((g->entries ? g->entries : 1) * sizeof *grid->entry);
-        if (!grid->start || !grid->entry) {
+        if (!grid->base || !grid->start || !grid->entry) {
             grid_free(grid);
             status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the collision grid");
         } else {
-            memcpy(grid->start, start, (grid->cells + 1) * sizeof *start);
+            for (size_t c = 0; c <= grid->cells; c++) {
+                grid->base[c / 32] = start[c / 32 * 32];
+                grid->start[c] = (uint16_t)(start[c] - start[c / 32 * 32]);
+            }
             visit(&body, g, start, grid->entry); /* moves each start to the next cell's */
         }
     }
@@ -268,6 +272,7 @@ int grid_build(size_t vertex_count, const float *positions, size_t triangle_coun
 
 void grid_free(struct grid *grid)
 {
+    free(grid->base);
     free(grid->start);
     free(grid->entry);
     *grid = (struct grid){0};

@@ -21,7 +21,7 @@ static uint64_t half_bytes(uint64_t rows)
 
 static uint64_t grid_bytes(const struct grid *grid)
 {
-    return sizeof grid->header + 4 * ((uint64_t)grid->cells + 1) + 2 * (uint64_t)grid->header.entries;
+    return sizeof grid->header + 4 * (grid->cells / 32 + 1) + 2 * ((uint64_t)grid->cells + 1 + grid->header.entries);
 }
 
 static int check_limits(const struct surface *surface, uint64_t rows, struct failure *why)
@@ -100,7 +100,7 @@ struct stream {
 static struct stream stream_open(struct pack *p, int k, uint32_t tag, size_t count, struct file_writer *writer)
 {
     p->section[k] = (struct bank_section){.tag = tag,
-                                          .version = 1,
+                                          .version = tag == BANK_GRID ? 2 : 1,
                                           .offset = (uint32_t)writer->length,
                                           .count = (uint32_t)count,
                                           .flags = tag == BANK_PROV ? BANK_HOST_ONLY : BANK_REQUIRED};
@@ -135,6 +135,8 @@ static int write_grid(struct pack *p, int k, struct file_writer *writer, struct 
     const struct grid *g = &p->grid;
     struct stream s = stream_open(p, k, BANK_GRID, g->cells, writer);
     int status = stream_add(&s, &g->header, sizeof g->header, why);
+    if (!status)
+        status = stream_add(&s, g->base, (g->cells / 32 + 1) * sizeof *g->base, why);
     if (!status)
         status = stream_add(&s, g->start, (g->cells + 1) * sizeof *g->start, why);
     if (!status)

@@ -132,6 +132,8 @@ void rounding_choose(const struct order *o, const struct cholesky *c, double rel
     r->diagonal_unit = 8;
 }
 
+enum { FEEDBACK_MAX = 100 }; /* multiples by which feedback may move an entry */
+
 struct work {
     const struct compliance *compliance;
     const struct order *order;
@@ -175,7 +177,9 @@ static void plain(const struct work *w, size_t i, size_t j, uint32_t multiple, i
         out[k] = nearest(w->cholesky->L[ld * (3 * j + k % 3) + 3 * i + k / 3] / w->factor->rounding.step, multiple);
 }
 
-/* The block for which the product meets G_ij: X Q_jj^t = G_ij / step^2 - sum, a column at a time. */
+/* The block for which the product meets G_ij: X Q_jj^t = G_ij / step^2 - sum, a column at a time. What it makes good is the
+ * rounding of earlier columns, a few multiples; where it asks for more, at steps so coarse that Q_jj is mostly rounding,
+ * making good would grow from row to row, and L's own block is taken. */
 static void with_feedback(const struct work *w, size_t i, size_t j, uint32_t multiple, int32_t out[9])
 {
     const struct factor *f = w->factor;
@@ -190,6 +194,13 @@ static void with_feedback(const struct work *w, size_t i, size_t j, uint32_t mul
                 rest -= (double)out[3 * a + k] * d[3 * b + k];
             out[3 * a + b] = d[4 * b] ? nearest(rest / d[4 * b], multiple) : 0;
         }
+    int32_t own[9];
+    bool far = false;
+    plain(w, i, j, multiple, own);
+    for (int k = 0; k < 9; k++)
+        far = far || abs(out[k] - own[k]) > FEEDBACK_MAX * (int32_t)multiple;
+    if (far)
+        memcpy(out, own, sizeof own);
 }
 
 /* The diagonal block: what of G_ii the row has not spent yet. Where rounding has spent nearly all, L's own. */

@@ -22,7 +22,7 @@ static const char usage[] =
     "      --unit UNIT      unit of the mesh's coordinates: m, cm or mm\n"
     "      --size METRES    element size with which a surface (STL, OBJ, PLY) is filled; its own triangles if not "
     "given\n"
-    "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.2\n"
+    "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.05\n"
     "                       (coarse); 1.25e-3 if nothing is asked for\n"
     "      --force-error P  the smallest bank whose forces are off by at most P: 0.5%, or 0.005 (95 % of patches of 3 "
     "to "

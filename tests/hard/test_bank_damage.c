@@ -110,7 +110,7 @@ static double read_all(const struct bank_view *view)
                    view->triangles[view->triangles[t].neighbour[k]].vertex[0];
     uint32_t cells = (uint32_t)view->grid->cells[0] * view->grid->cells[1] * view->grid->cells[2];
     for (uint32_t c = 0; c < cells; c++)
-        for (uint32_t e = view->cell_start[c]; e < view->cell_start[c + 1]; e++)
+        for (uint32_t e = bank_view_cell_start(view, c); e < bank_view_cell_start(view, c + 1); e++)
             sum += view->triangles[view->cell_triangle[e]].vertex[0];
     for (uint32_t v = 0; v < view->vertex_count; v++)
         for (uint32_t w = 0; w < view->vertex_count; w++) {

@@ -39,6 +39,7 @@ static void body_finish(struct body *b, size_t vertices, size_t count, const uin
                                  .normals = b->normals,
                                  .triangles = b->triangles,
                                  .grid = &b->grid.header,
+                                 .cell_base = b->grid.base,
                                  .cell_start = b->grid.start,
                                  .cell_triangle = b->grid.entry};
     for (int k = 0; k < 3; k++) {

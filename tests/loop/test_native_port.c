@@ -11,7 +11,7 @@
 #include <unistd.h>
 #include <cmocka.h>
 
-#include "../../firmware/ports/native/lockstep.h"
+#include "ports/lockstep.h"
 #include "random.h"
 #include "tick_bench.h"
 

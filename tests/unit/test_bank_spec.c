@@ -21,15 +21,15 @@ static unsigned char *example(size_t *length)
         {{1, 3, 2}, {1, 3, 2}}, {{0, 2, 3}, {0, 2, 3}}, {{0, 3, 1}, {0, 3, 1}}, {{0, 1, 2}, {0, 1, 2}}};
     struct {
         struct bank_grid head;
-        uint32_t start[9];
-        uint16_t entry[32];
+        uint32_t base[1];
+        uint16_t start[9], entry[32];
     } grid = {.head = {.origin_m = {-0.0703125f, -0.0703125f, -0.0703125f},
                        .cell_m = 0.0703125f,
                        .cells = {2, 2, 2},
                        .max_in_cell = 4,
                        .entries = 32}};
     for (int c = 0; c < 9; c++)
-        grid.start[c] = 4 * (uint32_t)c;
+        grid.start[c] = (uint16_t)(4 * c);
     for (int e = 0; e < 32; e++)
         grid.entry[e] = e % 4;
     uint16_t row[4] = {0, BANK_NONE, BANK_NONE, BANK_NONE};
@@ -65,7 +65,7 @@ static unsigned char *example(size_t *length)
         {BANK_VERT, BANK_REQUIRED, 1, 4, sizeof x, x},
         {BANK_NORM, BANK_REQUIRED, 1, 4, sizeof n, n},
         {BANK_TRIA, BANK_REQUIRED, 1, 4, sizeof t, t},
-        {BANK_GRID, BANK_REQUIRED, 1, 8, sizeof grid, &grid},
+        {BANK_GRID, BANK_REQUIRED, 2, 8, 32 + 4 + 2 * 9 + 2 * 32, &grid},
         {BANK_ROWS, BANK_REQUIRED, 1, 4, sizeof row, row},
         {BANK_CONT, BANK_REQUIRED, 1, 1, sizeof contact, &contact},
         {BANK_TOOL, BANK_REQUIRED, 1, 1, sizeof tool, &tool},

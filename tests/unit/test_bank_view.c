@@ -272,21 +272,26 @@ static void triangles(void **state)
     refused(STATUS_BANK_NONFINITE, BANK_TRIA, 0);
 }
 
+static uint32_t from(const uint32_t *base, const uint16_t *start, uint32_t c)
+{
+    return base[c / 32] + start[c];
+}
+
 /* Replace a triangle in every list by another number that keeps the list rising: all rules hold but that it is listed. */
-static bool forget_a_triangle(const uint32_t *start, uint16_t *entry, uint32_t cells)
+static bool forget_a_triangle(const uint32_t *base, const uint16_t *start, uint16_t *entry, uint32_t cells)
 {
     for (uint16_t t = 0; t < 80; t++)
         for (int by = -1; by <= 1; by += 2) {
             bool possible = t + by >= 0 && t + by < 80;
             for (uint32_t c = 0; c < cells; c++)
-                for (uint32_t e = start[c]; e < start[c + 1]; e++) {
+                for (uint32_t e = from(base, start, c); e < from(base, start, c + 1); e++) {
                     if (entry[e] != t)
                         continue;
                     uint32_t beside = e + (uint32_t)by;
-                    if (beside >= start[c] && beside < start[c + 1] && entry[beside] == t + by)
+                    if (beside >= from(base, start, c) && beside < from(base, start, c + 1) && entry[beside] == t + by)
                         possible = false;
                 }
-            for (uint32_t e = 0; possible && e < start[cells]; e++)
+            for (uint32_t e = 0; possible && e < from(base, start, cells); e++)
                 if (entry[e] == t)
                     entry[e] = (uint16_t)(t + by);
             if (possible)
@@ -300,8 +305,8 @@ static void grid(void **state)
     (void)state;
     fresh();
     struct bank_grid *g = section(BANK_GRID);
-    uint32_t cells = (uint32_t)g->cells[0] * g->cells[1] * g->cells[2], *start = (uint32_t *)(g + 1);
-    uint16_t *entry = (uint16_t *)(start + cells + 1);
+    uint32_t cells = (uint32_t)g->cells[0] * g->cells[1] * g->cells[2], *base = (uint32_t *)(g + 1);
+    uint16_t *start = (uint16_t *)(base + cells / 32 + 1), *entry = start + cells + 1;
     float bad_cell[] = {0, -0.01f, NAN, INFINITY};
     for (int k = 0; k < 4; k++) {
         g->cell_m = bad_cell[k];
@@ -326,9 +331,14 @@ static void grid(void **state)
     uint32_t c = 1;
     while (start[c] == start[c + 1]) /* one after an occupied cell */
         c++;
-    start[c + 1] = start[c] - 1; /* not rising */
+    assert_true(c + 1 < 32);
+    start[c + 1] = (uint16_t)(start[c] - 1); /* not rising */
     refused(STATUS_BANK_INDEX, BANK_GRID, c);
-    start[c + 1] = 0xFFFFFFFF;
+    start[c + 1] = 0xFFFF;
+    refused(STATUS_BANK_INDEX, BANK_GRID, c);
+    base[0] = 1;
+    refused(STATUS_BANK_INDEX, BANK_GRID, 0);
+    start[c + 1] = 0x7FFF;
     refused(STATUS_BANK_INDEX, BANK_GRID, c);
     entry[start[c]] = 80;
     refused(STATUS_BANK_INDEX, BANK_GRID, c);
@@ -345,7 +355,7 @@ static void grid(void **state)
     assert_int_equal(bank_view_open(&view, bytes, length), STATUS_BANK_NONFINITE);
     assert_int_equal(view.fault_tag, BANK_GRID);
     fresh();
-    assert_true(forget_a_triangle(start, entry, cells));
+    assert_true(forget_a_triangle(base, start, entry, cells));
     bank_fixture_seal(bytes, length);
     assert_int_equal(bank_view_open(&view, bytes, length), STATUS_BANK_INDEX);
     assert_int_equal(view.fault_tag, BANK_GRID);

@@ -1,4 +1,4 @@
-/* The controller as a process: the bank is a file, the bus is standard input and output in lockstep (lockstep.h).
+/* The controller as a process: the bank is a file, the bus is standard input and output in lockstep (../lockstep.h).
  *
  *   controller.elf BANK [NODE]     exit code 0 at the end of the input, 6 when the bank is refused, 2 for a wrong call */
 #include <stdio.h>
@@ -6,22 +6,18 @@
 #include <string.h>
 
 #include "hal.h"
-#include "lockstep.h"
 #include "loop.h"
+#include "ports/lockstep.h"
 #include "status.h"
-
-enum { RECEIVE_FRAMES = 64 };
 
 static const void *bank;
 static size_t bank_length;
-static uint64_t time_us;
 static bool running = true;
-static struct can_frame_t received[RECEIVE_FRAMES];
-static unsigned received_first, received_count;
+static struct lockstep bus;
 
 uint64_t hal_time_us(void)
 {
-    return time_us;
+    return bus.time_us;
 }
 
 const void *hal_bank(size_t *length)
@@ -44,19 +40,12 @@ bool hal_running(void)
 
 bool hal_can_receive(struct can_frame_t *frame)
 {
-    if (received_count == 0)
-        return false;
-    *frame = received[received_first];
-    received_first = (received_first + 1) % RECEIVE_FRAMES;
-    received_count--;
-    return true;
+    return lockstep_receive(&bus, frame);
 }
 
 bool hal_can_transmit(const struct can_frame_t *frame)
 {
-    struct lockstep_record r = {
-        .id = frame->id, .length = frame->length, .flags = frame->flags, .kind = LOCKSTEP_FRAME};
-    memcpy(r.u.data, frame->data, sizeof r.u.data);
+    struct lockstep_record r = lockstep_send(frame);
     return fwrite(&r, sizeof r, 1, stdout) == 1;
 }
 
@@ -65,24 +54,13 @@ uint64_t hal_wait_us(uint64_t until_us)
     struct lockstep_record r = {.kind = LOCKSTEP_TIME, .u.time_us = until_us};
     if (fwrite(&r, sizeof r, 1, stdout) != 1 || fflush(stdout) != 0)
         running = false;
-    while (running) { /* bound: the peer's batch; frames beyond the mailboxes are lost, as on a controller */
-        if (fread(&r, sizeof r, 1, stdin) != 1) {
+    do { /* bound: the peer's batch */
+        if (running && fread(&r, sizeof r, 1, stdin) != 1)
             running = false;
-            break;
-        }
-        if (r.kind == LOCKSTEP_TIME) {
-            time_us = r.u.time_us > time_us ? r.u.time_us : time_us;
-            break;
-        }
-        if (received_count == RECEIVE_FRAMES || r.length > 8)
-            continue;
-        struct can_frame_t *f = &received[(received_first + received_count++) % RECEIVE_FRAMES];
-        *f = (struct can_frame_t){.id = r.id, .length = r.length, .flags = r.flags};
-        memcpy(f->data, r.u.data, sizeof r.u.data);
-    }
+    } while (running && !lockstep_take(&bus, &r));
     if (!running)
-        time_us = until_us; /* let the loop come to its end */
-    return time_us;
+        bus.time_us = until_us; /* let the loop come to its end */
+    return bus.time_us;
 }
 
 static bool load(const char *path)
