@@ -343,12 +343,19 @@ void collide_update(struct collide *s, const struct bank_view *bank, const float
     for (uint32_t i = 0; i < count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
         struct collide_point *p = &s->point[i];
         struct collide_hit hit;
-        bool hits = !p->touching && p->known && collide_sweep(bank, p->position_m, positions_m[i], &hit);
+        /* A point that was not known may already be in the body: then it came in along the shaft. */
+        const float *from = p->known ? p->position_m : apex_m;
+        bool hits = !p->touching && collide_sweep(bank, from, positions_m[i], &hit);
         for (int k = 0; k < 3; k++) /* bound: 3 */
             p->position_m[k] = positions_m[i][k];
+        bool found = !p->known && hits;
         p->known = true;
         if (hits)
             touch(bank, p, &hit);
+        if (found) { /* the way may have led in and out again */
+            struct collide_hit out;
+            p->touching = look_out(bank, p, apex_m, &out) == INSIDE;
+        }
         if (p->touching)
             follow(s, bank, p, apex_m, i == s->turn);
     }

@@ -30,19 +30,23 @@ void coupling_update(struct coupling *c, const struct bank_view *bank, const flo
     /* Observer: since the last tick the hand moved by `moved` against the force held; that energy is in the store. */
     c->energy_J -= real_dot(c->force_N, moved);
 
+    c->contact_share += (1.0f - c->contact_share) * real_clamp(TICK_S / limits->decay_s, 0.0f, 1.0f);
+    if (c->contact_share > 0.999f)
+        c->contact_share = 1.0f;
     for (int i = 0; i < 3; i++) /* bound: 3 */
-        wanted[i] = contact_force_N[i] - (touching ? limits->coupling_damping_Ns_m * velocity_m_s[i] : 0.0f);
+        wanted[i] =
+            c->contact_share * contact_force_N[i] - (touching ? limits->coupling_damping_Ns_m * velocity_m_s[i] : 0.0f);
 
     /* Controller: a negative store means that the loop gave more than it took. Brake along the motion so that the next
-     * such step takes it back, by at most a fifth of the force limit. */
+     * such step takes it back. A spring k sampled at T creates at most k (v T)^2 / 2 a tick, which a damper k T / 2 takes:
+     * twice that is enough, and keeps a store of microjoules from being paid back in one kick at low speed. */
     float distance2 = real_dot(moved, moved);
     if (c->energy_J < 0.0f && distance2 > 0.0f) {
-        float brake[3], gain = c->energy_J / distance2;
-        for (int i = 0; i < 3; i++) /* bound: 3 */
-            brake[i] = gain * moved[i];
-        limit_length(brake, 0.2f * limits->force_limit_N);
-        for (int i = 0; i < 3; i++) /* bound: 3 */
-            wanted[i] += brake[i];
+        float stiffness = -c->energy_J / distance2;
+        if (stiffness > limits->coupling_stiffness_N_m)
+            stiffness = limits->coupling_stiffness_N_m;
+        for (int i = 0; i < 3; i++)            /* bound: 3 */
+            wanted[i] -= stiffness * moved[i]; /* moved = v T */
         c->passivity_interventions++;
     }
 
@@ -75,7 +79,7 @@ void coupling_decay(struct coupling *c, const struct bank_view *bank)
 
 void coupling_silence(struct coupling *c)
 {
-    c->force_N[0] = c->force_N[1] = c->force_N[2] = c->gravity_share = 0.0f;
+    c->force_N[0] = c->force_N[1] = c->force_N[2] = c->gravity_share = c->contact_share = 0.0f;
     c->energy_J = 0.0f;
     c->started = false;
 }

@@ -14,7 +14,9 @@ struct coupling {
     float last_tip_m[3];
     float
         gravity_share; /* 0..1: how much of the gravity compensation is on; comes and goes with the decay's time constant */
-    float energy_J; /* that the rendered force took from the hand in this contact and has not given back */
+    float
+        contact_share; /* 0..1: the contact force comes in with the same time constant when torque is enabled in tissue */
+    float energy_J;    /* that the rendered force took from the hand in this contact and has not given back */
     uint32_t clamps, rate_limits, passivity_interventions; /* counters, in ticks */
 };
 

@@ -21,7 +21,8 @@ uint64_t hal_wait_us(uint64_t time_us);
 /* The oldest frame received, or false. */
 bool hal_can_receive(struct can_frame_t *frame);
 
-/* Hand a frame to the bus. False when no mailbox is free: the caller drops it and counts. */
+/* Hand a frame to the bus. False when no mailbox is free: the caller drops it and counts. A torque frame that still waits
+ * in a mailbox is aborted when the next is handed over: it must not be sent late. */
 bool hal_can_transmit(const struct can_frame_t *frame);
 
 /* Where the bank lies: 16-byte aligned, readable as long as the controller runs. NULL when there is none. */

@@ -38,6 +38,8 @@ int loop_run(uint8_t node_id)
     size_t length = 0, room = 0;
     const void *bytes = hal_bank(&length);
     void *memory = hal_memory(&room);
+    if (node_id < 1 || node_id > LOOP_MAX_NODE)
+        return STATUS_USAGE;
     int status = bytes ? bank_view_open(&bank, bytes, length) : STATUS_BANK_MAGIC;
     if (status == STATUS_OK)
         status = node_start(&node, &bank, 0, node_id, memory, room);

@@ -63,7 +63,7 @@ static void receive_encoders(struct node *n, const struct can_frame_t *frame)
             n->controller.safety.duplicates++;
         else
             n->controller.safety.out_of_sequence++;
-        if (ahead == 0 || ahead > 7)
+        if (ahead == 0 || ahead > 8) /* as safety_sequence has it */
             return;
     }
     n->answered = true;

@@ -28,6 +28,7 @@ void safety_doubt(struct safety *s, enum status reason)
         s->state = SAFETY_INIT;
     }
     s->good_run = 0;
+    s->loss = 0;
     s->sequence_known = false; /* a device that restarted may begin anywhere */
 }
 
@@ -48,14 +49,16 @@ void safety_update(struct safety *s, bool fresh, bool plausible, bool overrun)
         if (s->state != SAFETY_INIT)
             s->missed++;
         s->stale_run++;
+        s->loss += 3;
         s->since_sample++;
         s->good_run = 0;
-        if (s->stale_run >= SAFETY_STALE_TICKS)
+        if (s->stale_run >= SAFETY_STALE_TICKS || s->loss > SAFETY_LOSS)
             safety_doubt(s, s->discarded_run ? STATUS_LOOP_SEQUENCE : STATUS_LOOP_STALE);
     }
     if (fresh)
         s->discarded_run = 0;
 
+    s->loss -= s->loss > 0;
     s->overrun_run = overrun ? s->overrun_run + 1 : 0;
     if (overrun)
         s->overruns++;
@@ -70,7 +73,7 @@ void safety_update(struct safety *s, bool fresh, bool plausible, bool overrun)
 
 void safety_acknowledge(struct safety *s, bool settled)
 {
-    if (s->state == SAFETY_READY) {
+    if (s->state == SAFETY_READY && s->good_run >= SAFETY_READY_SAMPLES) {
         s->state = SAFETY_RUN;
     } else if (s->state == SAFETY_SAFE && settled && s->good_run >= SAFETY_READY_SAMPLES) {
         s->state = SAFETY_READY;

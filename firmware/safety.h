@@ -6,7 +6,7 @@
  *   SAFE   a doubt was seen: torque decays to zero, then off; latched until the host acknowledges
  *
  *   INIT -> READY   SAFETY_READY_SAMPLES good samples in a row
- *   READY -> RUN    the host starts (acknowledges)
+ *   READY -> RUN    the host starts (acknowledges) while samples are good
  *   RUN -> SAFE     any doubt; READY -> INIT on the same
  *   SAFE -> READY   the host acknowledges, and samples are good again, and the force is gone
  *
@@ -22,8 +22,10 @@
 enum safety_state { SAFETY_INIT = 0, SAFETY_READY = 1, SAFETY_RUN = 2, SAFETY_SAFE = 3 };
 
 enum {
-    SAFETY_READY_SAMPLES = 20,    /* good samples in a row before READY */
-    SAFETY_STALE_TICKS = 5,       /* ticks without a usable sample before SAFE; until then the force decays */
+    SAFETY_READY_SAMPLES = 20, /* good samples in a row before READY */
+    SAFETY_STALE_TICKS = 5,    /* ticks without a usable sample before SAFE; until then the force decays */
+    SAFETY_LOSS = 300,         /* of a bucket that a tick without a sample fills by 3 and every tick drains by 1: more
+                                     than a third lost for long is SAFE too */
     SAFETY_IMPLAUSIBLE_TICKS = 3, /* implausible samples in a row before SAFE */
     SAFETY_OVERRUN_TICKS = 5      /* overruns in a row before SAFE */
 };
@@ -34,6 +36,7 @@ struct safety {
     uint8_t sequence;
     bool sequence_known;
     uint32_t since_sample; /* ticks without any sample since the last usable one; refused samples do not count */
+    uint32_t loss;         /* the bucket of SAFETY_LOSS */
     uint32_t good_run, stale_run, discarded_run, implausible_run, overrun_run;
     /* counters; they only rise */
     uint32_t missed; /* ticks without a usable sample */

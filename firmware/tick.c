@@ -37,11 +37,13 @@ static void touch(struct controller *c, const struct bank_view *bank, const stru
     collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
     contact_update(&c->contact, &c->rows, bank, &c->collide);
     contact_expect(&c->contact, &c->rows, bank, &c->collide, c->kinematics.velocity_m_s);
-    for (int i = 0; i < 3; i++) /* bound: 3 */
-        if (!real_finite(c->contact.force_N[i])) {
-            c->safety.nonfinite++;
-            safety_doubt(&c->safety, STATUS_LOOP_NONFINITE);
-        }
+    const float *f = c->contact.force_N;
+    if (!real_finite(f[0]) || !real_finite(f[1]) || !real_finite(f[2])) {
+        c->safety.nonfinite++;
+        safety_doubt(&c->safety, STATUS_LOOP_NONFINITE);
+        collide_forget(&c->collide); /* nothing of it may reach the next tick */
+        contact_clear(&c->contact);
+    }
 }
 
 /* Contact force -> force for the hand, within its limits; without a sample or in SAFE it decays, else it is silent. */

@@ -66,6 +66,7 @@ static void force_decays_to_exactly_zero_in_ten_time_constants(void **state)
  * controller each bounce gains energy. */
 static double bounce(bool controlled)
 {
+    limits.coupling_stiffness_N_m = 12000; /* no contact is stiffer than the coupling (contact.h) */
     double mass = 0.1, x = 1e-3, v = -0.05, most = 0;
     struct coupling c = {.started = false};
     float force = 0;
@@ -98,12 +99,26 @@ static void passivity_control_takes_back_what_sampling_creates(void **state)
     assert_true(tame <= start);
 }
 
+/* A store that is empty by a microjoule at a crawl must not be paid back in one kick. */
+static void small_debts_are_paid_back_gently(void **state)
+{
+    (void)state;
+    limits.coupling_stiffness_N_m = 1200;
+    struct coupling c = {.started = true, .contact_share = 1, .force_N = {0, 0, 0.2f}, .energy_J = -15e-6f};
+    float tip[3] = {0, 0, 15e-6f}, velocity[3] = {0, 0, 0.015f}, wanted[3] = {0, 0, 0.2f}; /* 15 um in a tick */
+    coupling_update(&c, &bank, wanted, tip, velocity, true);
+    assert_int_equal(c.passivity_interventions, 1);
+    assert_true(fabsf(c.force_N[2] - 0.2f) <= 1200 * 15e-6f * 1.001f); /* k v T: 18 mN, not the 1.2 N of energy / way */
+    assert_true(c.force_N[2] < 0.2f);
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(force_never_passes_its_limit_nor_its_rate),
         cmocka_unit_test(force_decays_to_exactly_zero_in_ten_time_constants),
+        cmocka_unit_test(small_debts_are_paid_back_gently),
         cmocka_unit_test(passivity_control_takes_back_what_sampling_creates),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -98,6 +98,36 @@ static void safe_is_latched_until_acknowledged_with_good_samples_and_no_force(vo
     assert_int_equal(s.state, SAFETY_RUN);
 }
 
+static void samples_gone_bad_since_ready_forbid_the_start(void **state)
+{
+    (void)state;
+    struct safety s = {.state = SAFETY_INIT};
+    feed(&s, SAFETY_READY_SAMPLES, true, true);
+    feed(&s, 1, false, false);
+    safety_acknowledge(&s, true);
+    assert_int_equal(s.state, SAFETY_READY);
+    feed(&s, SAFETY_READY_SAMPLES, true, true);
+    safety_acknowledge(&s, true);
+    assert_int_equal(s.state, SAFETY_RUN);
+}
+
+static void losing_more_than_a_third_for_long_is_safe_and_a_tenth_is_not(void **state)
+{
+    (void)state;
+    for (unsigned every = 2; every <= 10; every++) { /* one of so many samples is lost */
+        struct safety s = running();
+        unsigned ticks = 0;
+        while (s.state == SAFETY_RUN && ticks < 10000) {
+            bool lost = ticks % every == 0;
+            safety_update(&s, !lost, !lost, false);
+            ticks++;
+        }
+        assert_int_equal(s.state, every == 2 ? SAFETY_SAFE : SAFETY_RUN);
+        if (every == 2)
+            assert_in_range(ticks, 500, 700); /* half lost fills 300 by 1/2 a tick */
+    }
+}
+
 static void sequence_accepts_newer_and_counts_duplicate_and_older(void **state)
 {
     (void)state;
@@ -132,6 +162,8 @@ int main(void)
         cmocka_unit_test(silence_of_five_ticks_is_safe_and_four_are_counted_only),
         cmocka_unit_test(implausible_samples_and_overruns_in_a_row_are_safe),
         cmocka_unit_test(safe_is_latched_until_acknowledged_with_good_samples_and_no_force),
+        cmocka_unit_test(samples_gone_bad_since_ready_forbid_the_start),
+        cmocka_unit_test(losing_more_than_a_third_for_long_is_safe_and_a_tenth_is_not),
         cmocka_unit_test(sequence_accepts_newer_and_counts_duplicate_and_older),
         cmocka_unit_test(a_stuck_sequence_is_named_as_the_reason),
     };

@@ -134,6 +134,41 @@ static void a_lasting_jump_of_the_encoder_ends_in_safe_and_is_not_rendered(void 
     }
 }
 
+/* A device that drops out with the tool in the tissue and comes back there: after the host's two acknowledgements the
+ * contact is found again along the shaft, and the force comes in over the decay's time constant, not at once. */
+static void contact_is_found_again_after_a_dropout_inside_the_tissue(void **state)
+{
+    (void)state;
+    struct bench b;
+    bench_open(&b, NULL);
+    bench_start(&b, 0, 0, 0.10);
+    for (int i = 0; i <= 1000; i++)
+        bench_tick(&b, 0, 0, 0.10 + 0.025 * i / 1000);
+    double before = length(b.node.controller.contact.force_N), last;
+    unsigned contacts = b.node.controller.contact.count;
+    for (int i = 0; i < 10; i++)
+        bench_silent_tick(&b);
+    for (int i = 0; i < 300; i++)
+        bench_tick(&b, 0, 0, 0.125);
+    assert_int_equal(b.node.controller.safety.state, SAFETY_SAFE);
+    for (int k = 0; k < 2; k++) {
+        bench_command(&b, 1);
+        bench_tick(&b, 0, 0, 0.125);
+    }
+    assert_int_equal(b.node.controller.safety.state, SAFETY_RUN);
+    last = length(b.node.controller.coupling.force_N);
+    assert_true(last < 0.06 * before); /* 1 ms of 20 ms */
+    for (int i = 0; i < 300; i++) {
+        bench_tick(&b, 0, 0, 0.125);
+        double now = length(b.node.controller.coupling.force_N);
+        assert_true(now >= last - 1e-6 && now - last < 0.06 * before);
+        last = now;
+    }
+    assert_int_equal(b.node.controller.contact.count, contacts);
+    assert_true(fabs(last - before) < 1e-3 * before);
+    bench_close(&b);
+}
+
 static void sliding_over_edges_changes_the_force_smoothly(void **state)
 {
     (void)state;
@@ -224,6 +259,7 @@ int main(void)
         cmocka_unit_test(force_rises_with_depth_and_is_gone_after_retraction),
         cmocka_unit_test(a_silent_device_in_contact_lets_the_torque_decay_to_zero),
         cmocka_unit_test(a_lasting_jump_of_the_encoder_ends_in_safe_and_is_not_rendered),
+        cmocka_unit_test(contact_is_found_again_after_a_dropout_inside_the_tissue),
         cmocka_unit_test(sliding_over_edges_changes_the_force_smoothly),
         cmocka_unit_test(equal_inputs_give_equal_states_bit_for_bit),
         cmocka_unit_test(badly_scaled_banks_stay_bounded),
