@@ -161,20 +161,40 @@ uint32_t row_decode(const struct bank_view *bank, uint32_t row, struct row_block
     return row_read(&r, row + 1, out);
 }
 
+/* sum of l[k] r[k] over the three columns of a block's row */
+static inline int32_t dot3(const int16_t *l, const int16_t *r, int32_t sum)
+{
+    sum += l[0] * r[0];
+    sum += l[1] * r[1];
+    sum += l[2] * r[2];
+    return sum;
+}
+
 void row_dot(const struct row_block *left, uint32_t left_count, const struct row_block *right, uint32_t right_count,
              int32_t sum[9])
 {
-    uint32_t p = 0, q = 0;
-    for (int k = 0; k < 9; k++) /* bound: 9 */
-        sum[k] = 0;
-    while (p < left_count && q < right_count) { /* bound: both counts together */
-        const struct row_block *l = &left[p], *r = &right[q];
-        if (l->column == r->column)
-            for (int a = 0; a < 3; a++)     /* bound: 3 */
-                for (int b = 0; b < 3; b++) /* bound: 3 */
-                    sum[3 * a + b] += l->value[3 * a] * r->value[3 * b] + l->value[3 * a + 1] * r->value[3 * b + 1] +
-                                      l->value[3 * a + 2] * r->value[3 * b + 2];
-        p += l->column <= r->column;
-        q += r->column <= l->column;
+    const struct row_block *l = left, *left_end = left + left_count, *r = right, *right_end = right + right_count;
+    int32_t s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0, s8 = 0;
+    while (l < left_end && r < right_end) { /* bound: both counts together */
+        const uint32_t i = l->column, j = r->column;
+        if (i < j)
+            l++;
+        else if (j < i)
+            r++;
+        else {
+            const int16_t *x = l++->value, *y = r++->value;
+            s0 = dot3(x, y, s0);
+            s1 = dot3(x, y + 3, s1);
+            s2 = dot3(x, y + 6, s2);
+            s3 = dot3(x + 3, y, s3);
+            s4 = dot3(x + 3, y + 3, s4);
+            s5 = dot3(x + 3, y + 6, s5);
+            s6 = dot3(x + 6, y, s6);
+            s7 = dot3(x + 6, y + 3, s7);
+            s8 = dot3(x + 6, y + 6, s8);
+        }
     }
+    sum[0] = s0, sum[1] = s1, sum[2] = s2;
+    sum[3] = s3, sum[4] = s4, sum[5] = s5;
+    sum[6] = s6, sum[7] = s7, sum[8] = s8;
 }
