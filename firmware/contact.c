@@ -106,15 +106,38 @@ uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m
     return factors;
 }
 
-/* Compliance block between corner i of one contact and corner j of another. */
-static void block_between(const struct row_cache *g, const struct bank_view *bank, const struct contact *at, int i,
-                          const struct contact *from, int j, float block[9])
+/* Compliance block between corner i of one contact and corner j of another; its transpose when *turned. */
+static const float *block_between(const struct row_cache *g, const struct bank_view *bank, const struct contact *at,
+                                  int i, const struct contact *from, int j, float room[9], bool *turned)
 {
     if (g->stride)
-        row_cache_block(g, at->slot[i], from->slot[j], block);
-    else
-        bank_view_compliance(bank, bank->row_of[bank->triangles[at->triangle].vertex[i]],
-                             bank->row_of[bank->triangles[from->triangle].vertex[j]], block);
+        return row_cache_pair(g, at->slot[i], from->slot[j], turned);
+    *turned = false;
+    bank_view_compliance(bank, bank->row_of[bank->triangles[at->triangle].vertex[i]],
+                         bank->row_of[bank->triangles[from->triangle].vertex[j]], room);
+    return room;
+}
+
+/* out += w G n, and out += w G^t n. */
+static inline void add_rows(const float G[9], const float n[3], float w, float out[3])
+{
+    out[0] += w * real_dot(&G[0], n);
+    out[1] += w * real_dot(&G[3], n);
+    out[2] += w * real_dot(&G[6], n);
+}
+
+static inline void add_columns(const float G[9], const float n[3], float w, float out[3])
+{
+    out[0] += w * (G[0] * n[0] + G[3] * n[1] + G[6] * n[2]);
+    out[1] += w * (G[1] * n[0] + G[4] * n[1] + G[7] * n[2]);
+    out[2] += w * (G[2] * n[0] + G[5] * n[1] + G[8] * n[2]);
+}
+
+/* A contact's weights; none on vertices that cannot move. */
+static void shares(const struct bank_view *bank, const struct contact *c, float share[3])
+{
+    for (int k = 0; k < 3; k++) /* bound: 3 */
+        share[k] = bank->row_of[bank->triangles[c->triangle].vertex[k]] == BANK_NONE ? 0.0f : c->weights[k];
 }
 
 /* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
@@ -122,31 +145,35 @@ static void block_between(const struct row_cache *g, const struct bank_view *ban
 static void assemble_response(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
 {
     uint32_t m = s->count;
-    for (uint32_t c = 0; c < m; c++)        /* bound: CONTACT_MAX */
+    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
+        const struct contact *at = &s->contact[c];
+        float share_c[3];
+        shares(bank, at, share_c);
         for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
-            const struct contact *at = &s->contact[c], *from = &s->contact[d];
-            const uint16_t *vertex_c = bank->triangles[at->triangle].vertex;
-            const uint16_t *vertex_d = bank->triangles[from->triangle].vertex;
-            float forth[3] = {0.0f, 0.0f, 0.0f}, back[3] = {0.0f, 0.0f, 0.0f};
-            for (int i = 0; i < 3; i++) { /* bound: 3 */
-                uint16_t row = bank->row_of[vertex_c[i]];
+            const struct contact *from = &s->contact[d];
+            float share_d[3], forth[3] = {0.0f, 0.0f, 0.0f}, back[3] = {0.0f, 0.0f, 0.0f};
+            shares(bank, from, share_d);
+            for (int i = 0; i < 3; i++)       /* bound: 3 */
                 for (int j = 0; j < 3; j++) { /* bound: 3 */
-                    uint16_t column = bank->row_of[vertex_d[j]];
-                    float w = at->weights[i] * from->weights[j], G[9];
-                    if (row == BANK_NONE || column == BANK_NONE || w == 0.0f)
+                    float w = share_c[i] * share_d[j], room[9];
+                    if (w == 0.0f)
                         continue;
-                    block_between(g, bank, at, i, from, j, G);
-                    for (int a = 0; a < 3; a++) { /* bound: 3 */
-                        forth[a] += w * real_dot(&G[3 * a], from->normal);
-                        back[a] += w * (G[a] * at->normal[0] + G[3 + a] * at->normal[1] + G[6 + a] * at->normal[2]);
+                    bool turned;
+                    const float *G = block_between(g, bank, at, i, from, j, room, &turned);
+                    if (turned) {
+                        add_columns(G, from->normal, w, forth);
+                        add_rows(G, at->normal, w, back);
+                    } else {
+                        add_rows(G, from->normal, w, forth);
+                        add_columns(G, at->normal, w, back);
                     }
                 }
-            }
             for (int a = 0; a < 3; a++) { /* bound: 3 */
                 s->response[d][c][a] = back[a];
                 s->response[c][d][a] = forth[a];
             }
         }
+    }
 }
 
 static void gather(struct contact_set *s, const struct collide *points)

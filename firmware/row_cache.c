@@ -47,10 +47,17 @@ static bool may_work(const struct row_cache *g)
 uint8_t row_cache_slot(struct row_cache *g, const struct bank_view *bank, uint16_t row)
 {
     uint32_t oldest = ROW_CACHE_NO_SLOT;
+    uint8_t *hint = &g->hint[row % ROW_CACHE_HINTS];
+    struct row_cache_slot *likely = &g->slot[*hint];
+    if (likely->held && likely->row == row) {
+        likely->used = g->tick;
+        return *hint;
+    }
     for (uint32_t s = 0; s < ROW_CACHE_SLOTS; s++) { /* bound: ROW_CACHE_SLOTS */
         struct row_cache_slot *slot = &g->slot[s];
         if (slot->held && slot->row == row) {
             slot->used = g->tick;
+            *hint = (uint8_t)s;
             return (uint8_t)s;
         }
         if (slot->held && slot->used == g->tick)
@@ -67,6 +74,7 @@ uint8_t row_cache_slot(struct row_cache *g, const struct bank_view *bank, uint16
         g->slot[s].known &= ~((uint64_t)1 << oldest);
     *slot = (struct row_cache_slot){.held = true, .row = row, .used = g->tick};
     row_start(&slot->reader, bank, row);
+    *hint = (uint8_t)oldest;
     return (uint8_t)oldest;
 }
 
@@ -136,12 +144,8 @@ void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_
     multiply(g, s, s);
 }
 
-void row_cache_block(const struct row_cache *g, uint8_t slot, uint8_t other, float block[9])
+const float *row_cache_pair(const struct row_cache *g, uint8_t slot, uint8_t other, bool *turned)
 {
-    bool turned = slot < other;
-    uint32_t high = turned ? other : slot, low = turned ? slot : other;
-    const float *pair = g->pair[place(high, low)];
-    for (int a = 0; a < 3; a++)     /* bound: 3 */
-        for (int b = 0; b < 3; b++) /* bound: 3 */
-            block[3 * a + b] = turned ? pair[3 * b + a] : pair[3 * a + b];
+    *turned = slot < other;
+    return g->pair[*turned ? place(other, slot) : place(slot, other)];
 }

@@ -25,7 +25,8 @@ enum {
     ROW_CACHE_COLUMN_WORK = 15, /* one column looked at */
     ROW_CACHE_BLOCK_WORK = 300, /* one block decoded */
     ROW_CACHE_DOT_WORK = 60,    /* one block of the shorter row in a product */
-    ROW_CACHE_NO_SLOT = 0xFF
+    ROW_CACHE_NO_SLOT = 0xFF,
+    ROW_CACHE_HINTS = 256
 };
 
 struct row_cache_slot {
@@ -44,6 +45,8 @@ struct row_cache {
     float scale;                                           /* step squared */
     uint32_t tick, work;                                   /* work: done in this tick */
     uint32_t rows_read, rows_dropped, products, most_work; /* counters; most_work: of one tick */
+    uint8_t
+        hint[ROW_CACHE_HINTS]; /* row modulo ROW_CACHE_HINTS: the slot where such a row was last seen, to look first */
     struct row_cache_slot slot[ROW_CACHE_SLOTS];
 };
 
@@ -67,7 +70,7 @@ bool row_cache_prepare(struct row_cache *g, const uint8_t *slots, uint32_t first
 void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_t row, const uint8_t *slots,
                       uint32_t count);
 
-/* G between two prepared slots, row-major, m/N. */
-void row_cache_block(const struct row_cache *g, uint8_t slot, uint8_t other, float block[9]);
+/* G between two prepared slots, row-major, m/N; its transpose when *turned. */
+const float *row_cache_pair(const struct row_cache *g, uint8_t slot, uint8_t other, bool *turned);
 
 #endif
