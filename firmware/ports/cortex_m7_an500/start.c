@@ -56,9 +56,9 @@ __attribute__((used)) static _Noreturn void start(void)
     CPACR |= 15u << 20;
     __asm__ volatile("dsb\n isb" ::: "memory");
     const uint32_t *from = an500_data_image;
-    for (uint32_t *to = an500_data; to < an500_data_end; to++) /* bound: initialised variables */
+    for (uint32_t *to = an500_data; to != an500_data_end; to++) /* bound: initialised variables */
         *to = *from++;
-    for (uint32_t *to = an500_bss; to < an500_bss_end; to++) /* bound: variables that start as 0 */
+    for (uint32_t *to = an500_bss; to != an500_bss_end; to++) /* bound: variables that start as 0 */
         *to = 0;
     protect_memory();
     semihosting_exit(controller_main());
@@ -91,7 +91,7 @@ uint32_t start_stack_bytes(void)
 uint32_t start_stack_used(void)
 {
     const volatile uint32_t *lowest = an500_stack;
-    while (lowest < an500_stack_top && *lowest == PAINT) /* bound: words of the stack */
+    while (lowest != an500_stack_top && *lowest == PAINT) /* bound: words of the stack */
         lowest++;
     return (uint32_t)((uintptr_t)an500_stack_top - (uintptr_t)lowest);
 }
