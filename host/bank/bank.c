@@ -136,9 +136,8 @@ static int check_budget(const struct scene *scene, const struct pack *pack, stru
     return STATUS_OK;
 }
 
-/* The rows of the bank as it lies in the file, as compression_error.h takes them. */
-static int measure_rows(struct bank_view *view, const struct compliance *G, const struct compressed *compressed,
-                        struct compression_error *error, struct failure *why)
+int bank_measure(struct bank_view *view, const struct compliance *G, const struct compressed *compressed, size_t trials,
+                 uint64_t seed, struct compression_error *error, struct failure *why)
 {
     struct rows_in_memory rows;
     int status = rows_in_memory(view, &rows, why);
@@ -159,9 +158,9 @@ static int measure_rows(struct bank_view *view, const struct compliance *G, cons
             for (uint32_t i = 0; i <= view->row_count; i++)
                 start[i] = rows.start[i];
         }
-        status = compression_error_measure(&surface, G, compressed ? compressed->order.at : NULL,
-                                           compressed ? &factor : NULL, COMPRESSION_ERROR_ALL, COMPRESSION_TRIALS,
-                                           COMPRESSION_SEED, error, why);
+        status =
+            compression_error_measure(&surface, G, compressed ? compressed->order.at : NULL,
+                                      compressed ? &factor : NULL, COMPRESSION_ERROR_ALL, trials, seed, error, why);
     }
     free(start);
     rows_in_memory_free(&rows);
@@ -187,7 +186,7 @@ static int measure(const struct file_writer *writer, struct body *body, const st
     if (!status)
         status = force_error_measure(&view, body, FORCE_ERROR_TRIALS, FORCE_ERROR_SEED, &bar, &direct, why);
     if (!status)
-        status = measure_rows(&view, G, compressed, error, why);
+        status = bank_measure(&view, G, compressed, COMPRESSION_TRIALS, COMPRESSION_SEED, error, why);
     const struct error_figures *patch = &error->of[COMPRESSION_ERROR_PATCH];
     if (!status && direct.p95 > FORCE_ERROR_AGREE * patch->max + FORCE_ERROR_ROUNDING)
         status = failure_set(why, STATUS_CHECK_FAILED, writer->path, "report this",
@@ -249,9 +248,8 @@ static struct compression asked(const struct scene *scene, const struct compress
     return c;
 }
 
-static int compress_body(const struct body *body, const struct compliance *G, const struct pack *pack,
-                         const struct compression *wanted, bool quiet, struct compressed *compressed,
-                         struct failure *why)
+int bank_compress(const struct body *body, const struct compliance *G, const struct pack *pack,
+                  const struct compression *wanted, bool quiet, struct compressed *compressed, struct failure *why)
 {
     double *position = malloc(3 * G->rows * sizeof *position);
     uint16_t *row_of = malloc(pack->vertices * sizeof *row_of);
@@ -283,7 +281,7 @@ static int write_bank(struct body *body, struct pack *pack, const struct complia
     struct compressed compressed = {0};
     int status = set_records(scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
     if (!status && !wanted->plain)
-        status = compress_body(body, G, pack, wanted, quiet, &compressed, why);
+        status = bank_compress(body, G, pack, wanted, quiet, &compressed, why);
     if (!status && !wanted->plain) {
         pack_compressed(pack, &compressed);
         status = check_budget(&body->scene, pack, why);

@@ -26,6 +26,8 @@ struct build_result {
     struct mesh_report mesh;
 };
 
+struct body;
+
 /* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write, open
  * what was written and measure its force error, then give it its name. `compression` NULL: the default, or what the
  * scene's budget asks for. On return the scene has its instruments placed.
@@ -33,6 +35,15 @@ struct build_result {
  */
 int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,
                struct build_result *result, struct failure *why);
+
+struct pack;
+/* Two steps of bank_build, for those who try several banks of one body. The compression of a prepared pack, its contact
+ * record set; and the errors of what lies in a bank (compression_error.h), `compressed` NULL when that is plain: decodes
+ * the rows of `view` while it runs, and leaves the view without them. */
+int bank_compress(const struct body *body, const struct compliance *G, const struct pack *pack,
+                  const struct compression *wanted, bool quiet, struct compressed *compressed, struct failure *why);
+int bank_measure(struct bank_view *view, const struct compliance *G, const struct compressed *compressed, size_t trials,
+                 uint64_t seed, struct compression_error *error, struct failure *why);
 
 /* A bank in memory: the bytes (16-byte aligned, from a file) and the validated view of them. */
 struct bank_file {

@@ -20,6 +20,7 @@ static const struct verb {
     {"verify", verb_verify, "check a bank's structure, and its numbers against its scene"},
     {"run", verb_run, "run device, controller and host on a simulated bus"},
     {"view", verb_view, "show the organ live on a local page"},
+    {"tradeoff", verb_tradeoff, "measure what accuracy costs in time and bytes"},
     {"explain", verb_explain, "say what a named or numbered status means and what to do"},
 };
 enum { VERBS = sizeof verbs / sizeof verbs[0] };
