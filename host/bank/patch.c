@@ -34,15 +34,20 @@ static double distance(const double x[3], const double y[3])
     return sqrt((x[0] - y[0]) * (x[0] - y[0]) + (x[1] - y[1]) * (x[1] - y[1]) + (x[2] - y[2]) * (x[2] - y[2]));
 }
 
+static double longest_edge(const struct corners *c)
+{
+    double longest = 0;
+    for (int k = 0; k < 3; k++)
+        longest = fmax(longest, distance(c->x[k], c->x[(k + 1) % 3]));
+    return longest;
+}
+
 /* int k phi dA for the three corners; returns how much lies inside the ball. */
 static double integrate(const struct corners *c, const double centre[3], double radius, double share[3])
 {
     static const double middle[3][3] = {{0.5, 0.5, 0}, {0, 0.5, 0.5}, {0.5, 0, 0.5}};
-    double longest = 0, sum = 0;
+    double sum = 0, wanted = ceil(longest_edge(c) / (PART * radius));
     memset(share, 0, 3 * sizeof *share);
-    for (int k = 0; k < 3; k++)
-        longest = fmax(longest, distance(c->x[k], c->x[(k + 1) % 3]));
-    double wanted = ceil(longest / (PART * radius));
     int parts = wanted < MAX_PARTS ? (int)wanted : MAX_PARTS;
     for (int i = 0; i < parts; i++)
         for (int j = 0; j < 2 * (parts - i) - 1; j++) /* a strip: upright and inverted parts in turn */
@@ -109,8 +114,10 @@ static bool collect(const struct mesh *mesh, const struct surface *surface, uint
     struct corners c = corners_of(mesh, surface, triangle);
     for (int a = 0; a < 3; a++)
         patch->centre_m[a] = at[0] * c.x[0][a] + at[1] * c.x[1][a] + at[2] * c.x[2][a];
-    double total = spread(mesh, surface, triangle, radius, patch, flood), length = 0;
-    if (!(total > 0)) { /* smaller than the parts: a point */
+    double total = 0, length = 0;
+    if (longest_edge(&c) <= MAX_PARTS * PART * radius)
+        total = spread(mesh, surface, triangle, radius, patch, flood);
+    else { /* a point */
         for (int k = 0; k < 3; k++) {
             flood->weight[vertex[k]] = at[k];
             patch->normal[k] = c.normal[k];

@@ -24,7 +24,8 @@ struct patch {
 };
 
 /* The patch around the point with barycentric weights `at` in `triangle`. Integrated with the midpoint rule of degree 2 on
- * parts of a/8 at most: relative error of a weight below 1e-3. */
+ * parts of a/8 at most: relative error of a weight below 1e-3. A tool below 1/64 of the triangle's longest edge is a point:
+ * it has the weights `at`. */
 int patch_create(const struct mesh *mesh, const struct surface *surface, uint32_t triangle, const double at[3],
                  double radius_m, struct patch *patch, struct failure *why);
 void patch_free(struct patch *patch);

@@ -258,13 +258,14 @@ static inline void specimen_solve(struct specimen *s, const double *force, doubl
 }
 
 /* 25 x 20 x 20 cm with irregular cells and numbers, clamped at x = 0; its model. */
-static inline void specimen_irregular(struct specimen *s, double nu, uint64_t *seed)
+static inline void specimen_irregular(struct specimen *s, double nu, enum element_order order, uint64_t *seed)
 {
     specimen_block(s, 5, 4, 4, 0.25, 0.2, 0.2);
     specimen_shake(s, 0.2, 0.05, seed);
     specimen_renumber(s, seed);
     specimen_material(s, "all", 4000, nu);
     specimen_fix(s, box(0, 0, 0, 0, 1, 1), "xyz");
+    s->scene.order = order;
     specimen_model(s);
 }
 

@@ -151,7 +151,7 @@ static void multipliers_and_field_of_1_3_6_10_contacts_equal_a_direct_solve(void
     uint64_t seed = 41;
     print_message("# seed %llu\n", (unsigned long long)seed);
     struct specimen s;
-    specimen_irregular(&s, 0.45, &seed);
+    specimen_irregular(&s, 0.45, ELEMENT_LINEAR, &seed);
     struct failure why;
     struct compliance compliance;
     must(compliance_build(s.model, true, &compliance, &why), &why);
