@@ -7,58 +7,90 @@ uint32_t row_max_blocks(const struct bank_view *bank)
     return bank->half ? 0 : bank->factor.header->max_blocks;
 }
 
-static void refill(struct row_reader *r)
+/* The reader's place in the code, held in registers while a block is decoded. */
+struct place {
+    uint32_t state;
+    const uint16_t *next, *end;
+    bool damaged;
+};
+
+static inline struct place place_of(const struct row_reader *r)
 {
-    if (r->state >= ROW_STATE_LOW)
-        return;
-    uint32_t word = 0;
-    if (r->next < r->end)
-        word = *r->next++;
-    else
-        r->damaged = true;
-    r->state = r->state << 16 | word;
+    return (struct place){r->state, r->next, r->end, r->damaged};
 }
 
-static uint32_t plain_bits(struct row_reader *r, uint32_t count)
+static inline void keep_place(struct row_reader *r, const struct place *p)
 {
-    uint32_t bits = r->state & ((1u << count) - 1u);
-    r->state >>= count;
-    refill(r);
+    r->state = p->state;
+    r->next = p->next;
+    r->damaged = p->damaged;
+}
+
+static inline void refill(struct place *p)
+{
+    if (p->state >= ROW_STATE_LOW)
+        return;
+    uint32_t word = 0;
+    if (p->next < p->end)
+        word = *p->next++;
+    else
+        p->damaged = true;
+    p->state = p->state << 16 | word;
+}
+
+static inline uint32_t plain_bits(struct place *p, uint32_t count)
+{
+    uint32_t bits = p->state & ((1u << count) - 1u);
+    p->state >>= count;
+    refill(p);
     return bits;
 }
 
-static bool not_zero(struct row_reader *r, uint32_t probability)
+static inline bool not_zero(struct place *p, uint32_t probability)
 {
-    uint32_t slot = r->state & ROW_SLOT_MASK, rest = r->state >> BANK_FACTOR_BITS;
+    uint32_t slot = p->state & ROW_SLOT_MASK, rest = p->state >> BANK_FACTOR_BITS;
     bool is = slot < probability;
-    r->state = is ? probability * rest + slot : (ROW_SLOTS - probability) * rest + slot - probability;
-    refill(r);
+    p->state = is ? probability * rest + slot : (ROW_SLOTS - probability) * rest + slot - probability;
+    refill(p);
     return is;
 }
 
-static int32_t value(struct row_reader *r, const uint16_t *cumulative)
+static inline int32_t value(struct place *p, const uint16_t *cumulative)
 {
-    uint32_t slot = r->state & ROW_SLOT_MASK, s = 0;
-    while (cumulative[s + 1] <= slot) /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
-        s++;
-    r->state = (uint32_t)(cumulative[s + 1] - cumulative[s]) * (r->state >> BANK_FACTOR_BITS) + slot - cumulative[s];
-    refill(r);
+    uint32_t slot = p->state & ROW_SLOT_MASK, low = cumulative[0], high;
+    const uint16_t *upper = cumulative + 1;
+    while ((high = *upper) <= slot) { /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
+        low = high;
+        upper++;
+    }
+    uint32_t s = (uint32_t)(upper - cumulative) - 1u;
+    p->state = (high - low) * (p->state >> BANK_FACTOR_BITS) + slot - low;
+    refill(p);
     if (s == 0)
         return 0;
     uint32_t magnitude = s;
     if (s >= 4) {
         uint32_t e = s / 2;
-        magnitude = (2u + s % 2u) << (e - 1u) | plain_bits(r, e - 1u);
+        magnitude = (2u + s % 2u) << (e - 1u) | plain_bits(p, e - 1u);
     }
-    return plain_bits(r, 1) ? -(int32_t)magnitude : (int32_t)magnitude;
+    return plain_bits(p, 1) ? -(int32_t)magnitude : (int32_t)magnitude;
+}
+
+/* Add the nine values of a block to its prediction. */
+static void add_values(struct place *into, const uint16_t *on, const uint16_t *beside, int32_t v[9])
+{
+    struct place p = *into;
+    for (int k = 0; k < 9; k++) /* bound: 9 */
+        v[k] += value(&p, k % 4 == 0 ? on : beside);
+    *into = p;
 }
 
 /* Prediction plus residual, times the multiple: |.| stays below 2^30. */
-static int16_t entry(struct row_reader *r, int32_t v, uint32_t multiple)
+static inline int16_t entry(bool *damaged, int32_t v, uint32_t multiple)
 {
     int32_t q = v * (int32_t)multiple;
     if (q > INT16_MAX || q < -INT16_MAX) {
-        r->damaged = true;
+        *damaged = true;
         return 0;
     }
     return (int16_t)q;
@@ -80,10 +112,12 @@ static void diagonal(struct row_reader *r, struct row_block *out)
     uint32_t context = f->context[row_context_index(f, r->level, f->header->classes)];
     uint32_t multiple = row_multiple(f->level_unit[r->level], f->header->diagonal_unit);
     const uint16_t *on = row_table(f, context >> 8 & 15u), *beside = row_table(f, context >> 12);
+    struct place p = place_of(r);
     *out = (struct row_block){.column = (uint16_t)r->row};
     for (int a = 0; a < 3; a++)      /* bound: 3 */
         for (int b = 0; b <= a; b++) /* bound: 3 */
-            out->value[3 * a + b] = entry(r, value(r, a == b ? on : beside), multiple);
+            out->value[3 * a + b] = entry(&p.damaged, value(&p, a == b ? on : beside), multiple);
+    keep_place(r, &p);
     r->column++;
 }
 
@@ -94,23 +128,27 @@ static bool off_diagonal(struct row_reader *r, const int32_t d[3], uint32_t d2, 
     const struct bank_factor_view *f = r->factor;
     uint32_t context = f->context[row_context_index(f, r->level, class)];
     const int16_t *kernel = row_kernel_of(f, r->level, class);
-    bool coded = not_zero(r, row_significance(context)), any = false;
-    int32_t v[9] = {0, 0, 0, 0, 0, 0, 0, 0, 0};
-    if (!row_kernel_void(kernel))
+    struct place p = place_of(r);
+    bool coded = not_zero(&p, row_significance(context));
+    int32_t v[9], any = 0;
+    if (!row_kernel_void(kernel)) {
         row_kernel(kernel, d, d2, v);
-    else if (!coded)
-        return false;
-    if (coded) {
-        const uint16_t *on = row_table(f, context >> 8 & 15u), *beside = row_table(f, context >> 12);
+    } else {
+        keep_place(r, &p);
+        if (!coded)
+            return false;
         for (int k = 0; k < 9; k++) /* bound: 9 */
-            v[k] += value(r, k % 4 == 0 ? on : beside);
+            v[k] = 0;
     }
+    if (coded)
+        add_values(&p, row_table(f, context >> 8 & 15u), row_table(f, context >> 12), v);
     uint32_t multiple = row_multiple(f->level_unit[r->level], f->distance_unit[log]);
     for (int k = 0; k < 9; k++) { /* bound: 9 */
-        out[k] = entry(r, v[k], multiple);
-        any = any || v[k] != 0;
+        out[k] = entry(&p.damaged, v[k], multiple);
+        any |= v[k];
     }
-    return any;
+    keep_place(r, &p);
+    return any != 0;
 }
 
 uint32_t row_read(struct row_reader *r, uint32_t columns, struct row_block *out)

@@ -6,8 +6,8 @@
  * walks the columns 0 .. row in rising order, as many per call as the caller has time for. bank_view_open has decoded
  * every row once, so nothing here checks.
  *
- * Work: about 10 instructions per column, 25 per column near enough to hold a block, 30 per value. Integer dot products
- * of two rows are exact in int32, because the sum of squares of every scalar row is below 2^31. */
+ * Work on a Cortex-M7: about 20 instructions per column, 680 per block that is found, 70 per common block of a product.
+ * Integer dot products of two rows are exact in int32, because the sum of squares of every scalar row is below 2^31. */
 #ifndef TROCAR_ROW_H
 #define TROCAR_ROW_H
 
