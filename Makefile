@@ -157,6 +157,10 @@ sanitised: | test-packages
 	@$(MAKE) --no-print-directory SAN=1 B=$(B)/san sanitised-programs
 sanitised-programs: $(PROGRAMS) $(filter $(SANITISED_DIRS:%=$(B)/tests/%/%),$(TEST_BIN))
 
+.PHONY: bench
+bench: $(B)/tests/bench/precompute | test-packages ## how long the precomputation takes beside plain solves and conjugate gradients
+	@$<
+
 .PHONY: lint
 lint: | test-packages ## format, static analysis and the rules of the code
 	@tests/run.py --build $(B) tests/lint/
