@@ -55,12 +55,15 @@ static void help(FILE *out)
     fputs("usage: trocar VERB [options]\n\n", out);
     for (size_t i = 0; i < VERBS; i++)
         fprintf(out, "  %-8s  %s\n", verbs[i].name, verbs[i].what);
-    fputs("\n  trocar VERB --help    options of a verb\n"
-          "  trocar --version      version and licence\n\n"
-          "Results go to stdout (--json: one JSON object), everything else to stderr. Exit codes: 0 success, 2 usage,\n"
-          "3 file, 4 mesh, 5 scene, 6 bank, 7 model, 8 bus, 9 loop, 10 missing tool, 11 memory, 12 failed check,\n"
-          "130 interrupted.\n",
-          out);
+    fputs(
+        "\n  trocar VERB --help    options of a verb\n"
+        "  trocar --version      version and licence\n\n"
+        "Results go to stdout (--json: one JSON object), everything else to stderr. Exit codes: 0 success, 2 usage,\n"
+        "3 file, 4 mesh, 5 scene, 6 bank, 7 model, 8 bus, 9 loop, 10 missing tool, 11 memory, 12 failed check,\n"
+        "130 interrupted.\n\n"
+        "A failure is one line on stderr; stdout may then hold no JSON. What was measured before the failure is still\n"
+        "printed: mesh prints its report of a mesh that it refuses, verify its comparison, run its result.\n",
+        out);
 }
 
 static int unknown_verb(const char *word, struct failure *why)
@@ -80,6 +83,14 @@ static int unknown_verb(const char *word, struct failure *why)
     return failure_set(why, STATUS_USAGE, NULL, remedy, "there is no verb \"%.60s\"", word);
 }
 
+/* The table's remedy for a wrong command line names no verb; here it is known. */
+static int with_verb(const char *verb, int status, struct failure *why)
+{
+    if (status == STATUS_USAGE && !strcmp(why->remedy, status_remedy(STATUS_USAGE)))
+        snprintf(why->remedy, sizeof why->remedy, "see trocar %s --help", verb);
+    return status;
+}
+
 static int run(int argc, char **argv, struct failure *why)
 {
     if (argc < 2)
@@ -94,7 +105,7 @@ static int run(int argc, char **argv, struct failure *why)
     }
     for (size_t i = 0; i < VERBS; i++)
         if (!strcmp(argv[1], verbs[i].name))
-            return verbs[i].run(argc - 1, argv + 1, why);
+            return with_verb(verbs[i].name, verbs[i].run(argc - 1, argv + 1, why), why);
     return unknown_verb(argv[1], why);
 }
 

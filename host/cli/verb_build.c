@@ -3,10 +3,11 @@
 #include <json-c/json.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "bank.h"
 #include "cli.h"
+#include "open_bank.h"
+#include "output.h"
 
 static const char usage[] =
     "usage: trocar build SCENE.yaml -o BANK [--order ORDER] [--step X | --force-error P | --plain] [--json] [--quiet]\n"
@@ -147,14 +148,16 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
     return STATUS_OK;
 }
 
-static bool is_scene(const char *path)
-{
-    const char *dot = strrchr(path, '.');
-    return dot && (!strcasecmp(dot, ".yaml") || !strcasecmp(dot, ".yml"));
-}
-
 static int get_scene(const struct options *o, struct scene *scene, struct failure *why)
 {
+    char head[4];
+    size_t length;
+    int status = file_head(o->input, head, sizeof head, &length, why);
+    if (status)
+        return status;
+    if (length == sizeof head && !memcmp(head, "TRCB", sizeof head))
+        return failure_set(why, STATUS_MESH_FORMAT, o->input, "give the mesh or the scene that it was built from",
+                           "this is a bank, not a mesh or a scene");
     if (is_scene(o->input)) {
         if (o->extent_m > 0 || o->unit || o->size_m > 0)
             return failure_set(why, STATUS_USAGE, o->input, "write it under body: mesh: there",
@@ -225,6 +228,8 @@ int verb_build(int argc, char **argv, struct failure *why)
     if (!scene)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     status = get_scene(&o, scene, why);
+    if (!status)
+        status = check_bank_output(o.output, o.input, scene, why);
     if (!status && o.order_given)
         scene->order = o.order;
     if (!status)

@@ -6,6 +6,7 @@
 
 #include "bank.h"
 #include "cli.h"
+#include "open_bank.h"
 
 static const char usage[] =
     "usage: trocar info BANK [--json]\n"
@@ -205,7 +206,7 @@ int verb_info(int argc, char **argv, struct failure *why)
     if (optind != argc - 1)
         return failure_set(why, STATUS_USAGE, NULL, "see trocar info --help", "info takes one bank");
     struct bank_file bank;
-    int status = bank_load(argv[optind], &bank, why);
+    int status = load_bank(argv[optind], &bank, why);
     if (status)
         return status;
     if (json)

@@ -7,6 +7,7 @@
 
 #include "cli.h"
 #include "mesh.h"
+#include "output.h"
 
 static const char usage[] =
     "usage: trocar mesh FILE [--extent METRES | --unit m|cm|mm] [--size SIZE] [--json] [-o OUT.msh]\n"
@@ -95,9 +96,11 @@ static size_t warnings(const struct mesh *mesh, const struct mesh_report *r, cha
                  "slivers: dihedral angles from %.3g to %.5g degrees; the stiffness matrix is badly scaled near them",
                  r->dihedral_min_deg, r->dihedral_max_deg);
     if (r->nonmanifold_edges)
-        snprintf(text[n++], 500, "%zu edges of the surface have more than two triangles", r->nonmanifold_edges);
+        snprintf(text[n++], 500, "%zu edge%s of the surface ha%s more than two triangles", r->nonmanifold_edges,
+                 r->nonmanifold_edges == 1 ? "" : "s", r->nonmanifold_edges == 1 ? "s" : "ve");
     if (r->nonmanifold_vertices)
-        snprintf(text[n++], 500, "at %zu vertices the surface touches itself", r->nonmanifold_vertices);
+        snprintf(text[n++], 500, "at %zu vert%s the surface touches itself", r->nonmanifold_vertices,
+                 r->nonmanifold_vertices == 1 ? "ex" : "ices");
     if (r->edge_max > 50 * r->edge_min)
         snprintf(text[n++], 500, "edge lengths differ by a factor of %.3g", r->edge_max / r->edge_min);
     return n;
@@ -121,19 +124,21 @@ static void print_histogram(const struct mesh_report *r)
     }
 }
 
-static void print_repair(size_t count, const char *what, bool *any)
+static void print_repair(size_t count, const char *noun, const char *what, bool *any)
 {
     if (count)
-        printf("%s%zu %s", *any ? ", " : "repaired: ", count, what);
+        printf("%s%zu %s%s %s", *any ? ", " : "repaired: ", count, noun, count == 1 ? "" : "s", what);
     *any = *any || count;
 }
 
 static void print_text(const struct mesh *mesh, const struct mesh_report *r, const char *unit)
 {
     bool any = false;
-    char cubic[16] = "";
-    if (*unit)
-        snprintf(cubic, sizeof cubic, "%s3", unit);
+    char length[16] = "", cubic[16] = ""; /* with their blank, or nothing */
+    if (*unit) {
+        snprintf(length, sizeof length, " %s", unit);
+        snprintf(cubic, sizeof cubic, " %s3", unit);
+    }
     printf("%s: %zu nodes, %zu tetrahedra, surface of %zu vertices and %zu triangles\n", mesh->path, r->nodes,
            r->tetrahedra, r->surface_vertices, r->surface_triangles);
     if (mesh->ignored_elements)
@@ -144,15 +149,15 @@ static void print_text(const struct mesh *mesh, const struct mesh_report *r, con
     for (size_t i = 0; i < mesh->label_count && i < 20; i++)
         printf(" %d%s%s", mesh->label[i].number, *mesh->label[i].name ? " " : "", mesh->label[i].name);
     puts(mesh->label_count > 20 ? " ..." : "");
-    printf("extent %.5g x %.5g x %.5g %s, volume %.5g %s\n", r->extent[0], r->extent[1], r->extent[2],
+    printf("extent %.5g x %.5g x %.5g %s, volume %.5g%s\n", r->extent[0], r->extent[1], r->extent[2],
            *unit ? unit : "(in the file's unit, which is not known: --extent or --unit gives it)", r->volume, cubic);
-    printf("edges %.4g to %.4g %s, mean %.4g\n", r->edge_min, r->edge_max, unit, r->edge_mean);
+    printf("edges %.4g to %.4g%s, mean %.4g\n", r->edge_min, r->edge_max, length, r->edge_mean);
     printf("angles %.4g to %.4g degrees\n", r->dihedral_min_deg, r->dihedral_max_deg);
     print_histogram(r);
-    print_repair(r->reoriented, "elements reoriented", &any);
-    print_repair(r->duplicate_nodes, "duplicate nodes merged", &any);
-    print_repair(r->duplicate_elements, "duplicate elements removed", &any);
-    print_repair(r->unused_nodes, "unused nodes dropped", &any);
+    print_repair(r->reoriented, "element", "reoriented", &any);
+    print_repair(r->duplicate_nodes, "duplicate node", "merged", &any);
+    print_repair(r->duplicate_elements, "duplicate element", "removed", &any);
+    print_repair(r->unused_nodes, "unused node", "dropped", &any);
     puts(any ? "" : "repaired: nothing was needed");
 }
 
@@ -318,7 +323,14 @@ int verb_mesh(int argc, char **argv, struct failure *why)
         fputs(usage, stdout);
         return STATUS_OK;
     }
+    static const char *const marks[] = {"$MeshFormat", "$NOD", NULL};
     struct mesh mesh;
+    if (options.output)
+        status = output_is_not_input(options.output, options.path, why);
+    if (options.output && !status)
+        status = output_may_replace(options.output, marks, "a Gmsh mesh", why);
+    if (status)
+        return status;
     status = mesh_read(options.path, options.size, &mesh, why);
     if (status)
         return status;

@@ -6,6 +6,7 @@
 
 #include "bank.h"
 #include "cli.h"
+#include "open_bank.h"
 #include "verify.h"
 
 static const char usage[] =
@@ -126,7 +127,7 @@ int verb_verify(int argc, char **argv, struct failure *why)
         return STATUS_OK;
     }
     struct bank_file bank;
-    status = bank_load(o.bank, &bank, why);
+    status = load_bank(o.bank, &bank, why);
     if (status)
         return status;
     struct body *body = malloc(sizeof *body);

@@ -29,6 +29,7 @@ static const struct {
      5},
     {"an HDF5 file", "\x89HDF", 4},
     {"a script", "#!", 2},
+    {"a Trocar bank", "TRCB", 4},
 };
 
 enum mesh_format {
@@ -166,6 +167,19 @@ int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct f
     if (status)
         mesh_free(mesh);
     return status;
+}
+
+bool mesh_is_known(const char *path)
+{
+    unsigned char *bytes;
+    size_t length;
+    struct failure ignored;
+    if (file_load(path, &bytes, &length, &ignored) != STATUS_OK)
+        return false;
+    struct scan s = scan_start(path, bytes, length, &ignored);
+    bool known = format_of(&s) != FORMAT_NONE;
+    free(bytes);
+    return known;
 }
 
 int mesh_scale(struct mesh *mesh, double extent_m, enum mesh_unit unit, struct failure *why)

@@ -72,6 +72,9 @@ int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct f
  * either case. Several components are an error unless `allow_components`. */
 int mesh_check(struct mesh *mesh, bool allow_components, struct mesh_report *report, struct failure *why);
 
+/* The file can be read and its content, or else its extension, is that of a mesh format; it may be damaged all the same. */
+bool mesh_is_known(const char *path);
+
 /* Scale to metres: by unit, or so that the longest side of the bounding box is `extent_m` (> 0 wins over unit). */
 int mesh_scale(struct mesh *mesh, double extent_m, enum mesh_unit unit, struct failure *why);
 

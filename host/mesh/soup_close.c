@@ -269,14 +269,16 @@ int soup_close(struct soup *soup, const char *path, struct failure *why)
     if (m.open_edges) {
         const double *x = soup->vertices + 3 * (size_t)m.open_at;
         return failure_set(why, STATUS_MESH_OPEN, path, NULL,
-                           "%zu edges of the surface have one triangle only, the first at (%g, %g, %g)", m.open_edges,
-                           x[0], x[1], x[2]);
+                           "%zu edge%s of the surface ha%s one triangle only, the first at (%g, %g, %g)", m.open_edges,
+                           m.open_edges == 1 ? "" : "s", m.open_edges == 1 ? "s" : "ve", x[0] + 0.0, x[1] + 0.0,
+                           x[2] + 0.0); /* + 0.0: there is one zero, not -0 */
     }
     if (m.crowded_edges) {
         const double *x = soup->vertices + 3 * (size_t)m.crowded_at;
         return failure_set(why, STATUS_MESH_NONMANIFOLD, path, NULL,
-                           "%zu edges of the surface have more than two triangles, the first at (%g, %g, %g)",
-                           m.crowded_edges, x[0], x[1], x[2]);
+                           "%zu edge%s of the surface ha%s more than two triangles, the first at (%g, %g, %g)",
+                           m.crowded_edges, m.crowded_edges == 1 ? "" : "s", m.crowded_edges == 1 ? "s" : "ve",
+                           x[0] + 0.0, x[1] + 0.0, x[2] + 0.0);
     }
     return orient(soup, path, why);
 }

@@ -42,6 +42,9 @@ check "explain by the number without its sign" 0 '^MESH_SYNTAX' "$trocar" explai
 check "explain lists all" 0 '^LOOP_SAFE ' "$trocar" explain
 check "explain of what is not there" 2 'no status "PANTS"' "$trocar" explain PANTS
 check "a full disk behind stdout is noticed" 3 'cannot write: No space' full
+check "--help says what --json does on a failure" 0 'stdout may then hold no JSON' "$trocar" --help
+check "a wrong value is answered with the verb's own help" 2 'see trocar run --help' "$trocar" run --ticks 0 x.bank
+check "a file that is not there is no matter of units" 3 'FILE_OPEN' "$trocar" build /no/such.msh -o /tmp/x.bank
 for verb in $("$trocar" --help | sed -n 's/^  \([a-z]*\)  .*/\1/p'); do
     check "$verb --help succeeds and shows its usage" 0 "^usage: trocar $verb" "$trocar" "$verb" --help
 done

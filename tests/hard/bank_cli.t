@@ -184,7 +184,7 @@ def wrong_command_lines_end_with_exit_code_2():
     for arguments in (["build"], ["build", "box.msh", "--extent", "0.1"], ["build", "box.msh", "-o"],
                       ["build", "box.msh", "--extent", "-1", "-o", "x.bank"], ["build", "box.msh", "--unit", "inch", "-o", "x.bank"],
                       ["build", "box.msh", "--extent", "1", "--unit", "m", "-o", "x.bank"],
-                      ["build", "box.yaml", "--extent", "1", "-o", "x.bank"], ["build", "a", "b", "-o", "x.bank"],
+                      ["build", "box.yaml", "--extent", "1", "-o", "x.bank"], ["build", "box.msh", "b", "-o", "x.bank"],
                       ["build", "--nonsense"], ["info"], ["info", "a.bank", "b.bank"], ["info", "--x"],
                       ["verify"], ["verify", "a.bank", "--columns", "0"], ["verify", "a.bank", "--seed", "x"]):
         result = run(*arguments)
@@ -205,6 +205,32 @@ def a_length_unit_is_asked_for():
 def what_cannot_be_written_is_refused_first():
     for place in (".", "/dev/null", "no/such/folder/x.bank"):
         expect_exit(run("build", "box.msh", "--extent", "0.1", "-o", place), 3, "[FILE_WRITE]")
+
+
+@test
+def output_never_costs_an_input_or_a_strangers_file():
+    for arguments, out, word in ((["box.msh", "--extent", "0.1"], "box.msh", "input"), (["box.yaml"], "box.yaml", "input"),
+                                 (["box.yaml"], "box.msh", "input"), (["box.msh", "--extent", "0.1"], "box.yaml", "not a bank")):
+        with open(os.path.join(folder, out), "rb") as given:
+            before = given.read()
+        result = run("build", *arguments, "-o", out)
+        expect_exit(result, 3, word, out, "[FILE_WRITE]")
+        expect(result.stderr.count("\n") == 1, "one line")
+        with open(os.path.join(folder, out), "rb") as given:
+            expect(given.read() == before, "the file has changed")
+    expect_exit(run("run", "box.yaml", "-o", "box.yaml"), 3, "input")
+    expect_exit(run("build", "box.msh", "--extent", "0.1", "-o", "a.bank", "--quiet"), 0)  # an earlier bank is replaced
+
+
+@test
+def what_is_given_is_told_before_what_is_missing():
+    expect_exit(run("build", "nofile", "-o", "x.bank"), 3, "nofile", "[FILE_OPEN]")
+    expect_exit(run("build", "a.bank", "-o", "x.bank"), 4, "this is a bank, not a mesh or a scene")
+    for verb in ("run", "view", "info", "verify"):
+        expect_exit(run(verb, "box.msh"), 6, "trocar build box.msh --extent METRES -o box.bank")
+    shutil.copy(os.path.join(folder, "box.msh"), os.path.join(folder, "it's a box.msh"))
+    expect_exit(run("view", "it's a box.msh"), 6, "trocar build 'it'\\''s a box.msh' --extent METRES -o 'it'\\''s a box.bank'")
+    expect_exit(run("info", "box.yaml"), 6, "trocar build box.yaml -o box.bank")
 
 
 def interrupt(arguments, out, after_lines, number):

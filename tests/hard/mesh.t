@@ -40,8 +40,10 @@ with tempfile.TemporaryDirectory() as folder:
 
     two, cube = file("two.msh", TWO), file("cube.obj", CUBE)
     r = run(two)
-    ok(r.returncode == 0 and "verdict: usable" in r.stdout and "file's unit" in r.stdout and "1 elements reoriented" in
-       r.stdout and "1 unused nodes" in r.stdout, "without a unit it says so, and lists repairs", r)
+    ok(r.returncode == 0 and "verdict: usable" in r.stdout and "file's unit" in r.stdout and "1 element reoriented" in
+       r.stdout and "1 unused node dropped" in r.stdout, "without a unit it says so, and lists repairs", r)
+    ok(not [line for line in r.stdout.splitlines() if line != line.rstrip()] and " , " not in r.stdout,
+       "no blank stands for a unit that is not known", r)
     r = run(two, "--unit", "mm", "--json", "-o", os.path.join(folder, "out.msh"))
     j = json.loads(r.stdout)
     # corner of a cube of side 10, 1000/6, and a third of the cube: (1/6 + 1/3) of 1e-6 m3
@@ -57,6 +59,26 @@ with tempfile.TemporaryDirectory() as folder:
     r = run(open_cube)
     ok(r.returncode == 4 and "4 edges" in r.stderr and "[MESH_OPEN]" in r.stderr and r.stderr.count("\n") == 1,
        "an open surface is refused in one line", r)
+    crack = file("crack.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv -0 -0 0\nf 1 3 2\nf 1 2 4\nf 1 4 3\n")
+    r = run(crack)
+    ok(r.returncode == 4 and "-0" not in r.stderr, "there is one zero", r)
+    crowd = file("crowd.obj", CUBE + "v 0.5 0.5 0.5\nf 1 2 9\nf 2 1 9\n")
+    r = run(crowd)
+    ok(r.returncode == 4 and " 1 edge of the surface has " in r.stderr, "one edge is not several", r)
+
+    # -o: never over an input, by whatever name, nor over a file that is no mesh; over an earlier mesh it does write
+    os.link(two, os.path.join(folder, "link.msh"))
+    os.symlink("two.msh", os.path.join(folder, "soft.msh"))
+    for name in ("two.msh", "link.msh", "soft.msh"):
+        r = run(two, "-o", os.path.join(folder, name))
+        ok(r.returncode == 3 and "input" in r.stderr and r.stderr.count("\n") == 1 and open(two).read() == TWO,
+           f"-o {name} does not overwrite the input", r)
+    r = run(two, "-o", cube)
+    ok(r.returncode == 3 and "not a Gmsh mesh" in r.stderr and open(cube).read() == CUBE, "-o spares another file", r)
+    r = run(two, "-o", os.path.join(folder, "out.msh"))
+    ok(r.returncode == 0 and "5 " in open(os.path.join(folder, "out.msh")).read(), "-o replaces an earlier mesh", r)
+    r = run(file("a.bank", "TRCB"))
+    ok(r.returncode == 4 and "this is a Trocar bank, not a mesh" in r.stderr, "a bank is told from a mesh", r)
     apart = file("apart.msh", TWO.replace("2 4 2 8 1 2 3 4 5", "2 4 2 8 1 4 4 5 6"))
     r = run(apart, "--json")
     ok(r.returncode == 4 and json.loads(r.stdout)["verdict"] == "refused" and
