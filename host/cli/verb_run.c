@@ -85,8 +85,10 @@ static void help(void)
         "      --port P           of the page (default %d, or any free one)\n"
         "      --hold             keep the page up afterwards, until Ctrl-C\n"
         "      --json             one JSON object on stdout\n\n"
-        "Exit code 9: the controller ended in the state SAFE, or never came to RUN.\n",
-        gesture_names(), device_model_names(), (int)VIEW_DEFAULT_PORT);
+        "Exit code 9: the controller ended in the state SAFE, or had not come to RUN in %d ticks; whether a shorter "
+        "run\n"
+        "came to RUN is not judged.\n",
+        gesture_names(), device_model_names(), (int)VIEW_DEFAULT_PORT, (int)SESSION_WAIT_TICKS);
 }
 
 static int parse_faults(const char *list, struct bus_faults *faults, struct failure *why)

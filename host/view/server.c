@@ -252,7 +252,8 @@ static int callback(struct lws *wsi, enum lws_callback_reasons reason, void *use
     case LWS_CALLBACK_HTTP_CONFIRM_UPGRADE:
         if (upgrade_allowed(server, wsi, in))
             return 0;
-        refuse(wsi, HTTP_STATUS_FORBIDDEN, "Only this server's own page may connect.");
+        refuse(wsi, HTTP_STATUS_FORBIDDEN,
+               "Only this server's own page may connect, with the header Sec-WebSocket-Protocol: " SUBPROTOCOL ".");
         return -1;
     case LWS_CALLBACK_ESTABLISHED:
         client_join(server, wsi, &session->client);

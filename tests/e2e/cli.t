@@ -43,6 +43,7 @@ check "explain lists all" 0 '^LOOP_SAFE ' "$trocar" explain
 check "explain of what is not there" 2 'no status "PANTS"' "$trocar" explain PANTS
 check "a full disk behind stdout is noticed" 3 'cannot write: No space' full
 check "--help says what --json does on a failure" 0 'stdout may then hold no JSON' "$trocar" --help
+check "run --help says that short runs are not judged" 0 'RUN in 1000 ticks; whether a shorter run' "$trocar" run --help
 check "a wrong value is answered with the verb's own help" 2 'see trocar run --help' "$trocar" run --ticks 0 x.bank
 check "a file that is not there is no matter of units" 3 'FILE_OPEN' "$trocar" build /no/such.msh -o /tmp/x.bank
 for verb in $("$trocar" --help | sed -n 's/^  \([a-z]*\)  .*/\1/p'); do
