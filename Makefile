@@ -169,6 +169,10 @@ lint: | test-packages ## format, static analysis and the rules of the code
 format: | test-packages ## lay out the C files
 	@clang-format -i $$(git ls-files '*.c' '*.h')
 
+.PHONY: budgets
+budgets: all $(B)/tests/rig/recorder | test-packages ## flash, memory, stack and instructions per tick on a Cortex-M7
+	@B=$(B) tests/rig/budgets.t --table
+
 .PHONY: fresh
 fresh: ## both commands from a clean clone in a bare Debian 12 root (as root, network, many minutes)
 	@tests/rig/fresh.sh . sh -c 'make demo && make test'

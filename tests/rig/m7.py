@@ -55,8 +55,10 @@ def record(bank, gesture, answers, ticks, *options):
     subprocess.run([RECORDER, bank, gesture, answers, ticks, *map(str, options)], check=True, timeout=SECONDS)
 
 
-def build_bank(scene, bank):
-    subprocess.run([TROCAR, "build", scene, "-o", bank], check=True, timeout=SECONDS, capture_output=True)
+def build_bank(bank, source, *options):
+    done = subprocess.run([TROCAR, "build", source, *options, "-o", bank], timeout=SECONDS, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise RuntimeError(done.stderr.strip())
 
 
 def frames(path, wanted):

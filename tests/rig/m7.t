@@ -40,7 +40,7 @@ def result(good, claim, note=""):
 
 def replay(place):
     bank, answers, ticks, log = (place / name for name in ("demo.bank", "answers", "ticks.csv", "torques"))
-    m7.build_bank("host/scenes/demo/demo.yaml", bank)
+    m7.build_bank(bank, "host/scenes/demo/demo.yaml")
     gesture, options = "tour", ["--drop", 0.02, "--torques", log]
     if os.environ.get("TROCAR_LONG"):
         gesture = place / "long.gesture"

@@ -11,13 +11,16 @@ no recursion, no call through a pointer, no stack of unknown size.
 Sizes and stack are printed as comments.
 """
 
-import collections
+import os
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+from call_graph import call_graph, deepest
 
 FLAGS = ("-std=c11 -O2 -ffreestanding -fno-builtin -nostdlib -ffp-contract=off -fno-math-errno -fno-strict-aliasing "
          "-Wall -Wextra -Wdouble-promotion -Werror -fstack-usage -fcallgraph-info=su -ffunction-sections -fdata-sections "
@@ -49,42 +52,6 @@ def result(good, claim, notes=(), skip=None):
 def call(*command):
     done = subprocess.run([str(word) for word in command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     return done.returncode, done.stdout
-
-
-def call_graph(files):
-    """From GCC's .ci files: frame bytes by function, whether each frame is bounded, and who calls whom."""
-    frame, dynamic, calls = {}, set(), collections.defaultdict(set)
-    for path in files:
-        text = path.read_text()
-        for title, label in re.findall(r'node: \{ title: "([^"]*)" label: "([^"]*)"', text):
-            size = re.search(r"\\n(\d+) bytes \((\w+(?:,\w+)?)\)", label)
-            if size:
-                frame[title] = int(size[1])
-                if size[2] not in ("static", "dynamic,bounded"):
-                    dynamic.add(title)
-        for source, target in re.findall(r'edge: \{ sourcename: "([^"]*)" targetname: "([^"]*)"', text):
-            calls[source].add(target)
-    return frame, dynamic, calls
-
-
-def deepest(frame, calls):
-    """Largest stack along any chain of calls, the chain, and the cycles met."""
-    best, cycles, path = {}, [], []
-
-    def visit(function):
-        if function in best:
-            return best[function]
-        if function in path:
-            cycles.append(" -> ".join(path[path.index(function):] + [function]))
-            return 0, [function]
-        path.append(function)
-        below = max((visit(callee) for callee in calls.get(function, ())), default=(0, []), key=lambda found: found[0])
-        path.pop()
-        best[function] = frame.get(function, 0) + below[0], [function] + below[1]
-        return best[function]
-
-    total = max((visit(function) for function in sorted(frame)), default=(0, []), key=lambda found: found[0])
-    return total, cycles
 
 
 def check(name, prefix, flags, folder):
