@@ -7,21 +7,31 @@ enum side { ENTERS = 1, LEAVES = -1 };
 /* Does the segment cross this triangle, into the body or out of it? Its line must pass the three edges on the inner side,
  * its ends lie on both sides of the plane. An edge's sign is computed from the two vertices alone, and changes sign exactly when they are swapped
  * (products commute and differences are odd in IEEE arithmetic), so two triangles that share an edge cannot both miss. */
+static inline float edge_sign(const float direction[3], const float a[3], const float b[3])
+{
+    float area[3];
+    real_cross(a, b, area);
+    return real_dot(direction, area);
+}
+
 static bool crosses(const struct bank_view *bank, uint32_t triangle, const float from[3], const float direction[3],
                     enum side side, struct collide_hit *hit)
 {
     const float sign = side == ENTERS ? 1.0f : -1.0f;
     const uint16_t *v = bank->triangles[triangle].vertex;
     float corner[3][3], edge[3];
-    for (int k = 0; k < 3; k++) /* bound: 3 */
-        real_subtract(&bank->positions[3 * v[k]], from, corner[k]);
-    for (int k = 0; k < 3; k++) { /* bound: 3 */
-        float area[3];
-        real_cross(corner[(k + 1) % 3], corner[(k + 2) % 3], area);
-        edge[k] = real_dot(direction, area);
-        if (sign * edge[k] > 0.0f)
-            return false;
-    }
+    real_subtract(&bank->positions[3 * v[1]], from, corner[1]);
+    real_subtract(&bank->positions[3 * v[2]], from, corner[2]);
+    edge[0] = edge_sign(direction, corner[1], corner[2]);
+    if (sign * edge[0] > 0.0f) /* most triangles end here or at the next edge: written out for speed */
+        return false;
+    real_subtract(&bank->positions[3 * v[0]], from, corner[0]);
+    edge[1] = edge_sign(direction, corner[2], corner[0]);
+    if (sign * edge[1] > 0.0f)
+        return false;
+    edge[2] = edge_sign(direction, corner[0], corner[1]);
+    if (sign * edge[2] > 0.0f)
+        return false;
     float sum = edge[0] + edge[1] + edge[2];
     if (!(sign * sum < 0.0f))
         return false;
