@@ -4,9 +4,7 @@
 
 enum side { ENTERS = 1, LEAVES = -1 };
 
-/* Does the segment cross this triangle, into the body or out of it? Its line must pass the three edges on the inner side,
- * its ends lie on both sides of the plane. An edge's sign is computed from the two vertices alone, and changes sign exactly when they are swapped
- * (products commute and differences are odd in IEEE arithmetic), so two triangles that share an edge cannot both miss. */
+/* The sign says on which side of the edge a -> b the line runs; all three are relative to the line's start. */
 static inline float edge_sign(const float direction[3], const float a[3], const float b[3])
 {
     float area[3];
@@ -14,6 +12,10 @@ static inline float edge_sign(const float direction[3], const float a[3], const 
     return real_dot(direction, area);
 }
 
+/* Does the segment cross this triangle, into the body or out of it? Its line must pass the three edges on the inner side,
+ * its ends lie on both sides of the plane. An edge's sign is computed from the two vertices alone, and changes sign
+ * exactly when they are swapped (products commute and differences are odd in IEEE arithmetic), so two triangles that
+ * share an edge cannot both miss. */
 static bool crosses(const struct bank_view *bank, uint32_t triangle, const float from[3], const float direction[3],
                     enum side side, struct collide_hit *hit)
 {
