@@ -104,9 +104,16 @@ def main(folder):
           f" over {j['fem_compared']} ticks, bus {100 * j['bus_load']:.0f} %")
     check("no tick is missed, the loop ends in RUN", (j["ticks"], j["missed"], j["state"]) == (3000, 0, "RUN"), j)
     check("the tool is felt", j["peak_force_N"] > 0.05 and j["max_contacts"] >= 1, j)
-    # the tick computes in single precision: 1e-4 is what the design promises against a full solve in double
-    check("the force is that of a full finite-element solve to 1e-4",
-          j["fem_compared"] >= 8 and 0 < j["force_error_vs_fem"] < 1e-4, j)
+    # What the compression costs at most was measured when the bank was built.
+    stated = json.loads(run("info", path("box.bank"), "--json").stdout)["provenance"]["force_error_max"]
+    check("the force on a compressed bank is that of a full finite-element solve within the bank's stated error",
+          j["fem_compared"] >= 8 and 0 < j["force_error_vs_fem"] < stated, f"{stated} {j}")
+    # The tick computes in single precision: 1e-4 is what the design promises against a full solve in double.
+    r = run("build", path("box.msh"), "--extent", "0.2", "--plain", "-o", path("plain.bank"))
+    plain = json.loads(run("run", path("plain.bank"), "--gesture", "tour", "--ticks", 3000, "--json").stdout)
+    print(f"# plain bank against full FE {plain['force_error_vs_fem']:.2g}, compressed {j['force_error_vs_fem']:.2g}")
+    check("the force on a plain bank is that of a full finite-element solve to 1e-4",
+          plain["fem_compared"] >= 8 and 0 < plain["force_error_vs_fem"] < 1e-4, plain)
 
     # A bank that is wrong by 2 % must show: the tissue carries nearly all of the depth, the coupling (k) the rest.
     with open(path("box.bank"), "rb") as f:
