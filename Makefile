@@ -150,6 +150,7 @@ demo: all | packages ## make an organ, build its bank, press it, compare with fi
 
 .PHONY: test
 test: all $(TEST_BIN) sanitised | test-packages ## everything that must hold (T=word: only tests whose path has the word)
+	@$(MAKE) --no-print-directory ports
 	@tests/run.py --build $(B) --sanitised $(B)/san:$(subst $() $(),$(comma),$(SANITISED_DIRS)) $(T)
 
 .PHONY: sanitised sanitised-programs

@@ -289,7 +289,10 @@ def interrupted_build_keeps_the_old_bank():
 
 @test
 def a_terminal_sees_a_bar_with_the_time_left():
-    controller, terminal = pty.openpty()
+    try:
+        controller, terminal = pty.openpty()
+    except OSError as reason:
+        return f"SKIP no pseudo-terminal here: {reason}"
     process = subprocess.Popen([TROCAR, "build", "larger.msh", "--extent", "0.2", "-o", "bar.bank"], cwd=folder,
                                stdout=subprocess.DEVNULL, stderr=terminal)
     os.close(terminal)

@@ -58,6 +58,7 @@ for file in /etc/apt/apt.conf /etc/apt/apt.conf.d/*; do
 done
 mount -t proc proc "$root/proc"
 mount --bind /dev "$root/dev"
+if [ -d /dev/pts ]; then mount --bind /dev/pts "$root/dev/pts"; fi
 git clone -q "$checkout" "$root/clean/project"
 if [ -d "$checkout/../shared/data" ]; then
     mkdir -p "$root/clean/shared"

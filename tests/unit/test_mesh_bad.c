@@ -149,7 +149,7 @@ static void surfaces(void **state)
         "a.obj",
         "v 0 0 0\nv 0 0 1\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\nf 1 2 6\nf 1 3 4\nf 2 3 4\n"
         "f 1 5 6\nf 2 5 6\n",
-        STATUS_MESH_NONMANIFOLD, "a.obj", "1 edges");
+        STATUS_MESH_NONMANIFOLD, "a.obj", "1 edge of the surface has more");
     refuse(
         "a.obj",
         "v 0 0 0\nv 0 0 1\nv 1 0 0\nv 0 1 0\nv -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 3 4\nf 1 4 5\nf 1 5 6\nf 1 6 2\nf 2 3 5\n"
