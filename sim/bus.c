@@ -142,11 +142,6 @@ const struct bus_statistics *bus_statistics(const struct bus *bus)
     return &bus->statistics;
 }
 
-uint64_t bus_time_us(const struct bus *bus)
-{
-    return bus->now_ns / 1000;
-}
-
 /* The arbitration field as a number, first bit on the bus highest; dominant (0) wins. */
 static uint32_t arbitration(const struct can_frame_t *frame)
 {

@@ -55,7 +55,6 @@ bool bus_send(struct bus *bus, int node, const struct can_frame_t *frame);
 /* Deliver everything that the bus can carry up to `until_us`; receivers may send, which joins the arbitration. A
  * receiver must not call bus_run. */
 void bus_run(struct bus *bus, uint64_t until_us);
-uint64_t bus_time_us(const struct bus *bus);
 void bus_inject(struct bus *bus, const struct bus_faults *faults); /* NULL: none from now on */
 const struct bus_statistics *bus_statistics(const struct bus *bus);
 

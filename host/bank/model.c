@@ -191,11 +191,6 @@ size_t model_unknowns(const struct model *model)
     return model->unknowns;
 }
 
-size_t model_nonzeros(const struct model *model)
-{
-    return (size_t)((const int32_t *)model->K->p)[model->unknowns];
-}
-
 int32_t model_unknown(const struct model *model, size_t node, int c)
 {
     return model->unknown[3 * node + (size_t)c];

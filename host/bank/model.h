@@ -23,7 +23,6 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
 void model_free(struct model *model);
 
 size_t model_unknowns(const struct model *model);
-size_t model_nonzeros(const struct model *model);            /* of K, lower half */
 const char *model_discretisation(const struct model *model); /* "P1" or "P2 projected" */
 /* Unknown of component c (0..2) of mesh node n, or -1 when it is fixed. */
 int32_t model_unknown(const struct model *model, size_t node, int c);
