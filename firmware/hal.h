@@ -25,6 +25,9 @@ bool hal_can_receive(struct can_frame_t *frame);
  * in a mailbox is aborted when the next is handed over: it must not be sent late. */
 bool hal_can_transmit(const struct can_frame_t *frame);
 
+/* What the CAN controller has gone through since start. */
+struct can_errors hal_can_errors(void);
+
 /* Where the bank lies: 16-byte aligned, readable as long as the controller runs. NULL when there is none. */
 const void *hal_bank(size_t *length);
 

@@ -53,6 +53,7 @@ int loop_run(uint8_t node_id)
         uint64_t now_us = hal_time_us();
         while (!receive_all(&node) && now_us < start_us + LOOP_SAMPLE_WAIT_US) /* bound: LOOP_SAMPLE_WAIT_US of time */
             now_us = hal_wait_us(start_us + LOOP_SAMPLE_WAIT_US);
+        node.bus = hal_can_errors();
         node_finish_tick(&node);
         transmit_queue(&node);
 

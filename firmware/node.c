@@ -162,6 +162,9 @@ static void send_health(struct node *n)
         .walks_cut = saturate(c->collide.walks_cut),
         .solver_cuts = saturate(c->contact.cut),
         .nonfinite = saturate(s->nonfinite),
+        .receive_overflows = saturate(n->bus.receive_overflows),
+        .error_passive = saturate(n->bus.error_passive),
+        .bus_off = saturate(n->bus.bus_off),
     };
     wire_health_pack(enqueue(n, WIRE_HEALTH_ID + n->node_id, WIRE_HEALTH_LENGTH)->data, &m);
     n->health_page = (n->health_page + 1u) % NODE_HEALTH_PAGES;

@@ -22,7 +22,7 @@ enum {
     NODE_QUEUE = 8, /* SYNC, torque, emergency, telemetry: at most 5 in a tick */
     NODE_TELEMETRY_FRAMES =
         2, /* a tick: with SYNC, encoders and torque 5 of the 7 full frames that fit 1 ms at 1 Mbit/s */
-    NODE_HEALTH_PAGES = 6
+    NODE_HEALTH_PAGES = 7
 };
 
 struct node_contact_report { /* one contact as it goes on the wire: raw integers of wire.dbc */
@@ -40,6 +40,7 @@ struct node {
     bool answered; /* a sample arrived after this tick's SYNC; an older one in `input` serves only if none does */
     bool was_safe;
     uint32_t frames_received, frames_ignored, frames_malformed, queue_overflows; /* counters */
+    struct can_errors bus;                                                       /* the port's, for Health */
     uint32_t queue_count, queue_taken;
     struct can_frame_t queue[NODE_QUEUE];
     /* contact set being sent, so that its frames belong together */

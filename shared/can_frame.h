@@ -13,4 +13,11 @@ struct can_frame_t {
     uint8_t data[64];
 };
 
+/* What a CAN controller has gone through since start, as its driver counted it. */
+struct can_errors {
+    uint32_t receive_overflows; /* no room for a frame: one or more were lost */
+    uint32_t error_passive;     /* entered */
+    uint32_t bus_off;           /* entered */
+};
+
 #endif

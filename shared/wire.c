@@ -296,6 +296,11 @@ void wire_health_pack(uint8_t data[8], const struct wire_health *m)
         bits |= field((uint32_t)m->solver_cuts, 24, 16);
         bits |= field((uint32_t)m->nonfinite, 40, 16);
         break;
+    case 6:
+        bits |= field((uint32_t)m->receive_overflows, 8, 16);
+        bits |= field((uint32_t)m->error_passive, 24, 16);
+        bits |= field((uint32_t)m->bus_off, 40, 16);
+        break;
     default:
         break;
     }
@@ -336,6 +341,11 @@ bool wire_health_unpack(struct wire_health *m, const uint8_t *data, uint8_t leng
         m->walks_cut = (uint16_t)field_of(bits, 8, 16);
         m->solver_cuts = (uint16_t)field_of(bits, 24, 16);
         m->nonfinite = (uint16_t)field_of(bits, 40, 16);
+        break;
+    case 6:
+        m->receive_overflows = (uint16_t)field_of(bits, 8, 16);
+        m->error_passive = (uint16_t)field_of(bits, 24, 16);
+        m->bus_off = (uint16_t)field_of(bits, 40, 16);
         break;
     default:
         return false;

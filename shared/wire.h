@@ -163,6 +163,9 @@ struct wire_health {
     uint16_t walks_cut;               /* page 5: 16 bits, 0..65535 */
     uint16_t solver_cuts;             /* page 5: 16 bits, 0..65535 */
     uint16_t nonfinite;               /* page 5: 16 bits, 0..65535 */
+    uint16_t receive_overflows;       /* page 6: 16 bits, 0..65535 */
+    uint16_t error_passive;           /* page 6: 16 bits, 0..65535 */
+    uint16_t bus_off;                 /* page 6: 16 bits, 0..65535 */
 };
 void wire_health_pack(uint8_t data[8], const struct wire_health *m);
 bool wire_health_unpack(struct wire_health *m, const uint8_t *data, uint8_t length);

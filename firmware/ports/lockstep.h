@@ -35,7 +35,7 @@ _Static_assert(sizeof(struct lockstep_record) == LOCKSTEP_RECORD, "a record is 1
 /* Frames that wait for the controller, and its time. All 0 at start. */
 struct lockstep {
     uint64_t time_us;
-    uint32_t first, count;
+    uint32_t first, count, lost;
     struct can_frame_t mailbox[LOCKSTEP_MAILBOXES];
 };
 
@@ -48,16 +48,18 @@ static inline struct lockstep_record lockstep_send(const struct can_frame_t *fra
     return r;
 }
 
-/* Take a record that was read. True: it was the time, which closes the answer. Frames beyond the mailboxes are lost, as
- * on a controller. */
+/* Take a record that was read. True: it was the time, which closes the answer. Frames beyond the mailboxes are lost
+ * and counted, as on a controller. */
 static inline bool lockstep_take(struct lockstep *l, const struct lockstep_record *r)
 {
     if (r->kind == LOCKSTEP_TIME) {
         l->time_us = r->u.time_us > l->time_us ? r->u.time_us : l->time_us;
         return true;
     }
-    if (l->count == LOCKSTEP_MAILBOXES || r->length > sizeof r->u.data)
+    if (l->count == LOCKSTEP_MAILBOXES || r->length > sizeof r->u.data) {
+        l->lost++;
         return false;
+    }
     struct can_frame_t *f = &l->mailbox[(l->first + l->count++) % LOCKSTEP_MAILBOXES];
     *f = (struct can_frame_t){.id = r->id, .length = r->length, .flags = r->flags};
     for (uint32_t i = 0; i < sizeof r->u.data; i++) /* bound: 8 */

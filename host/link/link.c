@@ -21,17 +21,18 @@ enum {
     HEALTH_WALKS_CUT,
     HEALTH_SOLVER_CUTS,
     HEALTH_NONFINITE,
+    HEALTH_RECEIVE_OVERFLOWS,
+    HEALTH_ERROR_PASSIVE,
+    HEALTH_BUS_OFF,
     HEALTH_TICK,
     HEALTH_ENERGY,
     HEALTH_COUNT
 };
 
 static const char *const health_names[] = {
-    "missed",       "implausible",     "out_of_sequence",
-    "duplicates",   "overruns",        "safe_entries",
-    "clamps",       "rate_limits",     "passivity_interventions",
-    "malformed",    "queue_overflows", "walks_cut",
-    "solver_cuts",  "nonfinite",       "tick",
+    "missed",       "implausible", "out_of_sequence",         "duplicates",    "overruns",        "safe_entries",
+    "clamps",       "rate_limits", "passivity_interventions", "malformed",     "queue_overflows", "walks_cut",
+    "solver_cuts",  "nonfinite",   "receive_overflows",       "error_passive", "bus_off",         "tick",
     "energy_100uJ",
 };
 
@@ -218,10 +219,15 @@ static enum verdict receive_health(struct link *link, const struct can_frame_t *
         h[HEALTH_TICK] = m.tick;
         h[HEALTH_ENERGY] = m.energy;
         break;
-    default: /* 5; others were refused */
+    case 5:
         h[HEALTH_WALKS_CUT] = m.walks_cut;
         h[HEALTH_SOLVER_CUTS] = m.solver_cuts;
         h[HEALTH_NONFINITE] = m.nonfinite;
+        break;
+    default: /* 6; others were refused */
+        h[HEALTH_RECEIVE_OVERFLOWS] = m.receive_overflows;
+        h[HEALTH_ERROR_PASSIVE] = m.error_passive;
+        h[HEALTH_BUS_OFF] = m.bus_off;
         break;
     }
     return USEFUL;

@@ -42,7 +42,7 @@ struct link {
     unsigned contacts_reported; /* how many the controller says it has, with force_N */
     unsigned state;             /* enum safety_state; from the newest frame that carries it */
     uint64_t pose_time_us, pose_sets;
-    uint32_t health[16]; /* in the order of link_health_name */
+    uint32_t health[19]; /* in the order of link_health_name */
     uint64_t health_time_us;
     int reason;         /* 0 or the STATUS_LOOP_* of SAFE */
     unsigned nmt_state; /* of the last heartbeat: 0, 4, 5, 127 */

@@ -366,22 +366,25 @@ static void health_emergency_and_heartbeat_are_kept(void **state)
                             .queue_overflows = 111,
                             .reason = -700,
                             .tick = 123456789,
-                            .energy = 115,
+                            .energy = 118,
                             .walks_cut = 112,
                             .solver_cuts = 113,
-                            .nonfinite = 114};
-    for (m.page = 0; m.page < 6; m.page++) {
+                            .nonfinite = 114,
+                            .receive_overflows = 115,
+                            .error_passive = 116,
+                            .bus_off = 117};
+    for (m.page = 0; m.page < 7; m.page++) {
         wire_health_pack(frame.data, &m);
         link_receive(&link, &frame, 1000u + m.page);
     }
     unsigned names = 0;
     for (; link_health_name(names); names++)
         assert_int_equal(link.health[names], strcmp(link_health_name(names), "tick") == 0           ? 123456789
-                                             : strcmp(link_health_name(names), "energy_100uJ") == 0 ? 115
+                                             : strcmp(link_health_name(names), "energy_100uJ") == 0 ? 118
                                                                                                     : 101 + names);
-    assert_int_equal(names, 16);
+    assert_int_equal(names, 19);
     assert_int_equal(link.reason, -700);
-    assert_int_equal(link.health_time_us, 1005);
+    assert_int_equal(link.health_time_us, 1006);
 
     const struct wire_emergency e = {
         .error_code = 0x1000, .error_register = 1, .state = 3, .reason = STATUS_LOOP_STALE};

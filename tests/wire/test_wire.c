@@ -83,6 +83,9 @@ static const struct place places[] = {
     AT(Health, health, WalksCut, walks_cut),
     AT(Health, health, SolverCuts, solver_cuts),
     AT(Health, health, Nonfinite, nonfinite),
+    AT(Health, health, ReceiveOverflows, receive_overflows),
+    AT(Health, health, ErrorPassive, error_passive),
+    AT(Health, health, BusOff, bus_off),
     AT(Heartbeat, heartbeat, NmtState, nmt_state),
     AT(HostHeartbeat, host_heartbeat, NmtState, nmt_state),
 };

@@ -69,7 +69,7 @@ static void every_frame_of_a_run_is_in_the_dbc_and_within_its_ranges(void **stat
         print_message("# %-14s %6llu\n", ear.dbc->message[i].name, (unsigned long long)ear.count[i]);
         assert_true(ear.count[i] > 0);
     }
-    assert_int_equal(ear.pages, 0x3f);
+    assert_int_equal(ear.pages, 0x7f);
     assert_int_equal(l.result.link_malformed + l.result.link_incomplete, 0);
     print_message("# load %.1f %%, torques at most %llu us behind the start of SYNC\n", 100 * l.result.bus_load,
                   (unsigned long long)ear.torque_latest_us);

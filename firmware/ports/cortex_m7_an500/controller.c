@@ -51,6 +51,11 @@ bool hal_can_receive(struct can_frame_t *frame)
     return lockstep_receive(&bus, frame);
 }
 
+struct can_errors hal_can_errors(void)
+{
+    return (struct can_errors){.receive_overflows = bus.lost};
+}
+
 static bool flush(void)
 {
     bool good = written_count == 0 || semihosting_write(out, written, written_count * sizeof written[0]);

@@ -43,6 +43,11 @@ bool hal_can_receive(struct can_frame_t *frame)
     return lockstep_receive(&bus, frame);
 }
 
+struct can_errors hal_can_errors(void)
+{
+    return (struct can_errors){.receive_overflows = bus.lost};
+}
+
 bool hal_can_transmit(const struct can_frame_t *frame)
 {
     struct lockstep_record r = lockstep_send(frame);
