@@ -355,7 +355,9 @@ int bank_build(struct scene *scene, const char *out_path, const struct compressi
         status = body_from_scene(scene, body, &result->mesh, why);
     if (!status) {
         *scene = body->scene;
-        status = build(body, compression, quiet, &writer, started_s, result, why);
+        status = scene_check_reach(scene, &body->mesh, &body->surface, why);
+        if (!status)
+            status = build(body, compression, quiet, &writer, started_s, result, why);
         body_close(body);
     }
     free(body);

@@ -118,6 +118,11 @@ char *scene_print(const struct scene *scene);
 void scene_place_instruments(struct scene *scene, const struct mesh *mesh, const struct surface *surface,
                              const bool *fixed_vertex);
 
+/* Refuse an instrument that can touch no point of the body, whatever the hand does, or whose tip can leave the range that
+ * the bus reports: STATUS_SCENE_VALUE. All instruments must be placed. */
+int scene_check_reach(const struct scene *scene, const struct mesh *mesh, const struct surface *surface,
+                      struct failure *why);
+
 /* Where a ray from `origin` along the unit vector `direction` first enters the surface: the distance, and the triangle;
  * INFINITY when it misses. */
 double scene_ray(const struct mesh *mesh, const struct surface *surface, const double origin[3],
