@@ -1,5 +1,7 @@
 #include "element.h"
 
+#include "hooke.h"
+
 const unsigned char element_edge[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
 size_t element_nodes(enum element_order order)
@@ -64,7 +66,20 @@ static double mean_product(const struct gradient_term *x, const struct gradient_
            x->slope * y->slope * (x->along == y->along ? 2 : 1) / 20;
 }
 
-void element_add_block(const struct element *element, struct lame material, enum element_order order, size_t j,
+/* V0 sum over bd of C_abcd M_bd. */
+static void add_anisotropic(double volume_m3, const double C[6][6], const double M[3][3], double block[9])
+{
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c < 3; c++) {
+            double sum = 0;
+            for (int b = 0; b < 3; b++)
+                for (int d = 0; d < 3; d++)
+                    sum += C[hooke_place[a][b]][hooke_place[c][d]] * M[b][d];
+            block[3 * a + c] += volume_m3 * sum;
+        }
+}
+
+void element_add_block(const struct element *element, const struct hooke *material, enum element_order order, size_t j,
                        size_t k, double block[9])
 {
     struct gradient_term left[2], right[2];
@@ -78,7 +93,11 @@ void element_add_block(const struct element *element, struct lame material, enum
                 for (int b = 0; b < 3; b++)
                     M[a][b] += mean * alpha_p[a] * alpha_q[b];
         }
-    double lambda = element->volume_m3 * material.lambda_Pa, mu = element->volume_m3 * material.mu_Pa;
+    if (!material->isotropic) {
+        add_anisotropic(element->volume_m3, material->C, M, block);
+        return;
+    }
+    double lambda = element->volume_m3 * material->lame.lambda_Pa, mu = element->volume_m3 * material->lame.mu_Pa;
     double dot = M[0][0] + M[1][1] + M[2][2];
     for (int a = 0; a < 3; a++) {
         for (int b = 0; b < 3; b++)

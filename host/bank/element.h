@@ -19,6 +19,7 @@ struct element {
 struct lame {
     double lambda_Pa, mu_Pa;
 };
+struct hooke;
 
 /* Corners at the ends of each edge. */
 extern const unsigned char element_edge[6][2];
@@ -34,9 +35,10 @@ struct element element_geometry(const double *nodes, const uint32_t vertex[4]);
 
 /* Add the stiffness between nodes j and k to the row-major 3 x 3 `block`, N/m: force on j under a displacement of k,
  *   K_jk = int [lambda g_j (x) g_k + mu (g_k (x) g_j + (g_j . g_k) I)] dV, with g the gradients of the shape functions,
- * for P1 V0 [...] with g = alpha, twice the B_jk of the energy (theory.md 1); [P01 eq. 8, 14] leaves V0 out. Integrated
- * in closed form: the products are polynomials of degree 2 at most. */
-void element_add_block(const struct element *element, struct lame material, enum element_order order, size_t j,
+ * for P1 V0 [...] with g = alpha, twice the B_jk of the energy (theory.md 1); [P01 eq. 8, 14] leaves V0 out; for an
+ * anisotropic material (hooke.h) (K_jk)_ac = int sum over bd of C_abcd (g_j)_b (g_k)_d dV. Integrated in closed form: the
+ * products are polynomials of degree 2 at most. */
+void element_add_block(const struct element *element, const struct hooke *material, enum element_order order, size_t j,
                        size_t k, double block[9]);
 
 #endif

@@ -1,10 +1,10 @@
 #include "model_state.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "holding.h"
+#include "material.h"
 #include "rigid.h"
 #include "stiffness.h"
 
@@ -32,24 +32,6 @@ int model_indefinite(const struct model *model, size_t unknown, struct failure *
                        "look for slivers or a hinge there with trocar mesh, or lower nu",
                        "the stiffness matrix is not positive definite to rounding %s (%.4g, %.4g, %.4g) m", where,
                        (a[0] + b[0]) / 2, (a[1] + b[1]) / 2, (a[2] + b[2]) / 2);
-}
-
-static int check_materials(const struct scene *scene, struct failure *why)
-{
-    for (size_t m = 0; m < scene->material_count; m++) {
-        const struct scene_material *material = &scene->material[m];
-        if (!(material->E_Pa > 0 && isfinite(material->E_Pa)))
-            return failure_at(why, STATUS_MODEL_MATERIAL, scene->path, material->line, "give E > 0",
-                              "material '%s' has E = %g Pa", material->label, material->E_Pa);
-        if (!(material->nu >= 0 && material->nu < 0.5))
-            return failure_at(why, STATUS_MODEL_MATERIAL, scene->path, material->line,
-                              "give 0 <= nu < 0.5 (soft tissue: 0.45 to 0.49)", "material '%s' has nu = %g",
-                              material->label, material->nu);
-        if (!(material->rho_kg_m3 >= 0 && isfinite(material->rho_kg_m3)))
-            return failure_at(why, STATUS_MODEL_MATERIAL, scene->path, material->line, "give rho > 0",
-                              "material '%s' has rho = %g kg/m3", material->label, material->rho_kg_m3);
-    }
-    return STATUS_OK;
 }
 
 static int check_elements(const struct model *model, struct failure *why)
@@ -100,31 +82,6 @@ static int number_unknowns(struct model *model, const bool *fixed, struct failur
     return STATUS_OK;
 }
 
-static int assemble(const struct scene *scene, struct model *model, const struct holding *holding, struct failure *why)
-{
-    const struct mesh *mesh = model->mesh;
-    uint8_t *material_of = malloc(mesh->tetrahedron_count + 1);
-    if (!material_of)
-        return failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for the materials");
-    int status = scene_materials(scene, mesh, material_of, why);
-    struct lame lame[SCENE_MAX_MATERIALS];
-    for (size_t m = 0; m < scene->material_count; m++)
-        lame[m] = lame_from_young(scene->material[m].E_Pa, scene->material[m].nu);
-    for (size_t t = 0; t < mesh->tetrahedron_count && status == STATUS_OK; t++) {
-        if (material_of[t] >= scene->material_count)
-            status = failure_set(why, STATUS_MODEL_LABEL, model->place, NULL, "element %zu (label %d) has no material",
-                                 t, mesh->labels ? (int)mesh->labels[t] : 0);
-        else
-            model->mass_kg += scene->material[material_of[t]].rho_kg_m3 *
-                              element_geometry(mesh->nodes, mesh->tetrahedra + 4 * t).volume_m3;
-    }
-    if (status == STATUS_OK)
-        status = stiffness_assemble(&model->space, lame, material_of, model->unknown, model->unknowns,
-                                    (struct springs){holding->spring}, &model->common, &model->K, why);
-    free(material_of);
-    return status;
-}
-
 int model_create(const struct scene *scene, const struct mesh *mesh, const struct surface *surface, struct model **out,
                  struct failure *why)
 {
@@ -140,13 +97,14 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     model->common.supernodal = CHOLMOD_SUPERNODAL;
 
     struct holding holding = {0};
+    struct materials materials = {0};
     model->fixed_vertex = calloc(surface->vertex_count + 1, sizeof *model->fixed_vertex);
     int status = STATUS_OK;
     if (!model->fixed_vertex)
         status =
             failure_set(why, STATUS_MEMORY, model->place, NULL, "no memory for %zu vertices", surface->vertex_count);
     if (status == STATUS_OK)
-        status = check_materials(scene, why);
+        status = material_check(scene, why);
     if (status == STATUS_OK)
         status = check_elements(model, why);
     if (status == STATUS_OK)
@@ -160,7 +118,12 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     if (status == STATUS_OK)
         status = number_unknowns(model, holding.fixed, why);
     if (status == STATUS_OK)
-        status = assemble(scene, model, &holding, why);
+        status = material_find(scene, mesh, &materials, why);
+    if (status == STATUS_OK)
+        status = stiffness_assemble(&model->space, materials.hooke, materials.of, model->unknown, model->unknowns,
+                                    (struct springs){holding.spring}, &model->common, &model->K, why);
+    model->mass_kg = materials.mass_kg;
+    material_free(&materials);
     holding_free(&holding);
     if (status) {
         model_free(model);

@@ -99,8 +99,8 @@ static void write_columns(uint32_t j, const struct neighbourhood *around, const 
     }
 }
 
-static void fill_entries(const struct space *space, const struct element *elements, const struct lame *material,
-                         const uint8_t *material_of, const struct incidence *at, const int32_t *unknown,
+static void fill_entries(const struct space *space, const struct element *elements, const struct hooke *material,
+                         const uint32_t *material_of, const struct incidence *at, const int32_t *unknown,
                          struct springs springs, struct neighbourhood *around, double *block, cholmod_sparse *K)
 {
     size_t each = element_nodes(space->order);
@@ -117,7 +117,7 @@ static void fill_entries(const struct space *space, const struct element *elemen
                 own++;
             for (size_t k = 0; k < each; k++)
                 if (node[k] >= j)
-                    element_add_block(&elements[t], material[material_of[t]], space->order, k, own,
+                    element_add_block(&elements[t], &material[material_of[t]], space->order, k, own,
                                       block + 9 * around->place[node[k]]);
         }
         if (springs.tensor) {
@@ -129,7 +129,7 @@ static void fill_entries(const struct space *space, const struct element *elemen
     }
 }
 
-int stiffness_assemble(const struct space *space, const struct lame *material, const uint8_t *material_of,
+int stiffness_assemble(const struct space *space, const struct hooke *material, const uint32_t *material_of,
                        const int32_t *unknown, size_t unknowns, struct springs springs, cholmod_common *common,
                        cholmod_sparse **K, struct failure *why)
 {

@@ -6,6 +6,7 @@
 
 #include "element.h"
 #include "failure.h"
+#include "hooke.h"
 #include "space.h"
 
 /* Springs to the ground at the nodes of the space: 6 per node, xx yy zz xy xz yz of the tensor k n (x) n, N/m. */
@@ -17,7 +18,7 @@ struct springs {
  * or -1; numbers must rise with node and component. `material` is by element through `material_of`. K is gathered node
  * by node (count, prefix sum, fill), so no triplet list exists: 12 bytes per entry plus about 200 per element.
  * STATUS_MEMORY is the only failure. */
-int stiffness_assemble(const struct space *space, const struct lame *material, const uint8_t *material_of,
+int stiffness_assemble(const struct space *space, const struct hooke *material, const uint32_t *material_of,
                        const int32_t *unknown, size_t unknowns, struct springs springs, cholmod_common *common,
                        cholmod_sparse **K, struct failure *why);
 

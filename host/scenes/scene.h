@@ -46,9 +46,20 @@ struct selection {
     long line; /* of the scene file, 0 when assumed */
 };
 
+enum symmetry { SYMMETRY_ISOTROPIC, SYMMETRY_TRANSVERSE, SYMMETRY_ORTHOTROPIC };
+
+/* Engineering constants along the axes 1, 2, 3 of symmetry; pairs in the order 12, 13, 23. hooke.h says what each means. */
+struct scene_orthotropic {
+    double E_Pa[3], nu[3], G_Pa[3];
+};
+
 struct scene_material {
     char label[64]; /* "all", a name, or a number as text; a specific label wins over all */
-    double E_Pa, nu, rho_kg_m3;
+    enum symmetry symmetry;
+    double E_Pa, nu;                      /* when isotropic */
+    struct scene_orthotropic orthotropic; /* when not; transverse: L = 1, T = 2 and 3 */
+    double along[3], across[3];           /* unit vectors along the axes 1 and, orthotropic only, 2 */
+    double rho_kg_m3;
     long line;
 };
 

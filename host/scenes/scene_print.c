@@ -13,12 +13,18 @@ static void quantity(FILE *out, const char *before, double value, enum dimension
     fprintf(out, "%s%s", before, text);
 }
 
-static void vector(FILE *out, const char *before, const double v[3])
+/* A list of three quantities. */
+static void triple(FILE *out, const char *before, const double v[3], enum dimension dimension)
 {
     fputs(before, out);
     for (int i = 0; i < 3; i++)
-        quantity(out, i ? ", " : "[", v[i], DIMENSION_POSITION);
+        quantity(out, i ? ", " : "[", v[i], dimension);
     fputc(']', out);
+}
+
+static void vector(FILE *out, const char *before, const double v[3])
+{
+    triple(out, before, v, DIMENSION_POSITION);
 }
 
 /* Words go bare, everything else in double quotes, so that no text can be read as something else. */
@@ -72,6 +78,32 @@ static void selection(FILE *out, const struct selection *where)
     }
 }
 
+static void law(FILE *out, const struct scene_material *m)
+{
+    const struct scene_orthotropic *o = &m->orthotropic;
+    switch (m->symmetry) {
+    case SYMMETRY_ISOTROPIC:
+        quantity(out, ", E: ", m->E_Pa, DIMENSION_PRESSURE);
+        quantity(out, ", nu: ", m->nu, DIMENSION_NUMBER);
+        return;
+    case SYMMETRY_TRANSVERSE:
+        quantity(out, ", transverse: {E_L: ", o->E_Pa[0], DIMENSION_PRESSURE);
+        quantity(out, ", E_T: ", o->E_Pa[1], DIMENSION_PRESSURE);
+        quantity(out, ", G_LT: ", o->G_Pa[0], DIMENSION_PRESSURE);
+        quantity(out, ", nu_LT: ", o->nu[0], DIMENSION_NUMBER);
+        quantity(out, ", nu_TT: ", o->nu[2], DIMENSION_NUMBER);
+        break;
+    case SYMMETRY_ORTHOTROPIC:
+        triple(out, ", orthotropic: {E: ", o->E_Pa, DIMENSION_PRESSURE);
+        triple(out, ", G: ", o->G_Pa, DIMENSION_PRESSURE);
+        triple(out, ", nu: ", o->nu, DIMENSION_NUMBER);
+        break;
+    }
+    vector(out, "}, along: ", m->along);
+    if (m->symmetry == SYMMETRY_ORTHOTROPIC)
+        vector(out, ", across: ", m->across);
+}
+
 static void body(FILE *out, const struct scene *scene)
 {
     static const char *const unit_name[] = {"", "m", "cm", "mm"};
@@ -84,11 +116,9 @@ static void body(FILE *out, const struct scene *scene)
         quantity(out, ", size: ", scene->surface_size_m, DIMENSION_LENGTH);
     fprintf(out, ", order: %s}\n  materials:\n", scene->order == ELEMENT_QUADRATIC ? "quadratic" : "linear");
     for (size_t i = 0; i < scene->material_count; i++) {
-        const struct scene_material *m = &scene->material[i];
-        word(out, "    - {label: ", m->label);
-        quantity(out, ", E: ", m->E_Pa, DIMENSION_PRESSURE);
-        quantity(out, ", nu: ", m->nu, DIMENSION_NUMBER);
-        quantity(out, ", rho: ", m->rho_kg_m3, DIMENSION_DENSITY);
+        word(out, "    - {label: ", scene->material[i].label);
+        law(out, &scene->material[i]);
+        quantity(out, ", rho: ", scene->material[i].rho_kg_m3, DIMENSION_DENSITY);
         fputs("}\n", out);
     }
     if (scene->fixed_count)

@@ -93,6 +93,11 @@ static inline void same_scene(const struct scene *p, const struct scene *q)
         assert_string_equal(p->material[i].label, q->material[i].label);
         assert_true(p->material[i].E_Pa == q->material[i].E_Pa && p->material[i].nu == q->material[i].nu &&
                     p->material[i].rho_kg_m3 == q->material[i].rho_kg_m3);
+        assert_int_equal(p->material[i].symmetry, q->material[i].symmetry);
+        assert_memory_equal(&p->material[i].orthotropic, &q->material[i].orthotropic,
+                            sizeof p->material[i].orthotropic);
+        assert_memory_equal(p->material[i].along, q->material[i].along, sizeof p->material[i].along);
+        assert_memory_equal(p->material[i].across, q->material[i].across, sizeof p->material[i].across);
     }
     assert_int_equal(p->fixed_count, q->fixed_count);
     for (size_t i = 0; i < p->fixed_count; i++) {

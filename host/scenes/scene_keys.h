@@ -1,0 +1,27 @@
+/* How keys of a scene are read: shared by the scene_*.c that turn one part of the file into struct scene. */
+#ifndef TROCAR_SCENE_KEYS_H
+#define TROCAR_SCENE_KEYS_H
+
+#include "scene.h"
+#include "tree.h"
+
+#define KEYS(...)                                                                                                      \
+    (const char *const[])                                                                                              \
+    {                                                                                                                  \
+        __VA_ARGS__, NULL                                                                                              \
+    }
+
+/* Wide bounds, to keep mistakes of units and numbers that overflow a float out. */
+#define SCENE_MIN_LENGTH_m 1e-5
+#define SCENE_MAX_LENGTH_m 1e3
+
+/* A value from `low` to `high`; `shown` is the unit of the message. */
+void scene_bounded(struct tree *t, tree_node node, const char *name, enum dimension dimension, double low, double high,
+                   const char *shown, double *value);
+/* A position in the mesh's frame, within what a bank holds. */
+void scene_position(struct tree *t, tree_node node, const char *name, double at[3]);
+/* `body`: mesh, fixed, ligaments (scene_body.c) and materials (scene_material.c). */
+void scene_body(struct tree *t, tree_node map, struct scene *scene);
+void scene_material_list(struct tree *t, tree_node list, struct scene *scene);
+
+#endif
