@@ -54,7 +54,11 @@ int loop_run(uint8_t node_id)
         while (!receive_all(&node) && now_us < start_us + LOOP_SAMPLE_WAIT_US) /* bound: LOOP_SAMPLE_WAIT_US of time */
             now_us = hal_wait_us(start_us + LOOP_SAMPLE_WAIT_US);
         node.bus = hal_can_errors();
+        now_us = hal_time_us();
         node_finish_tick(&node);
+        uint64_t spent_us = hal_time_us() - now_us;
+        if (spent_us > node.worst_tick_us)
+            node.worst_tick_us = (uint32_t)spent_us;
         transmit_queue(&node);
 
         start_us += LOOP_TICK_US;

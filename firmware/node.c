@@ -26,18 +26,13 @@ bool node_transmit(struct node *n, struct can_frame_t *frame)
     return true;
 }
 
-static void send_heartbeat(struct node *n, uint8_t nmt_state)
-{
-    struct wire_heartbeat m = {.nmt_state = nmt_state};
-    wire_heartbeat_pack(enqueue(n, WIRE_HEARTBEAT_ID + n->node_id, WIRE_HEARTBEAT_LENGTH)->data, &m);
-}
-
 int node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id, void *memory,
                size_t bytes)
 {
     *n = (struct node){.bank = bank, .node_id = node_id};
     int status = controller_start(&n->controller, bank, instrument, memory, bytes);
-    send_heartbeat(n, 0);
+    struct can_frame_t boot = telemetry_heartbeat(node_id, 0);
+    *enqueue(n, boot.id, boot.length) = boot;
     return status;
 }
 
@@ -46,6 +41,8 @@ void node_begin_tick(struct node *n)
     n->queue_overflows += n->queue_count - n->queue_taken;
     n->queue_count = n->queue_taken = 0;
     n->answered = false;
+    if (n->controller.instrument > 0) /* it follows the SYNC of instrument 0: an identifier has one sender */
+        return;
     struct wire_sync m = {.counter = (uint8_t)(n->controller.tick_count + 1u)};
     wire_sync_pack(enqueue(n, WIRE_SYNC_ID, WIRE_SYNC_LENGTH)->data, &m);
 }
@@ -132,131 +129,16 @@ static void send_emergency(struct node *n)
     wire_emergency_pack(enqueue(n, WIRE_EMERGENCY_ID + n->node_id, WIRE_EMERGENCY_LENGTH)->data, &m);
 }
 
-static uint16_t saturate(uint32_t counter)
-{
-    return counter > 0xFFFFu ? 0xFFFFu : (uint16_t)counter;
-}
-
-static void send_health(struct node *n)
-{
-    const struct controller *c = &n->controller;
-    const struct safety *s = &c->safety;
-    struct wire_health m = {
-        .page = (uint8_t)n->health_page,
-        .state = (uint8_t)s->state,
-        .missed = saturate(s->missed),
-        .implausible = saturate(s->implausible),
-        .out_of_sequence = saturate(s->out_of_sequence),
-        .duplicates = saturate(s->duplicates),
-        .overruns = saturate(s->overruns),
-        .safe_entries = saturate(s->safe_entries),
-        .clamps = saturate(c->coupling.clamps),
-        .rate_limits = saturate(c->coupling.rate_limits),
-        .passivity_interventions = saturate(c->coupling.passivity_interventions),
-        .malformed = saturate(n->frames_malformed),
-        .queue_overflows = saturate(n->queue_overflows),
-        .reason = (int16_t)s->reason,
-        .tick = c->tick_count,
-        .energy =
-            (uint16_t)wire_quantise(c->coupling.energy_J, WIRE_HEALTH_ENERGY_SCALE, WIRE_HEALTH_ENERGY_BITS, false),
-        .walks_cut = saturate(c->collide.walks_cut),
-        .solver_cuts = saturate(c->contact.cut),
-        .nonfinite = saturate(s->nonfinite),
-        .receive_overflows = saturate(n->bus.receive_overflows),
-        .error_passive = saturate(n->bus.error_passive),
-        .bus_off = saturate(n->bus.bus_off),
-    };
-    wire_health_pack(enqueue(n, WIRE_HEALTH_ID + n->node_id, WIRE_HEALTH_LENGTH)->data, &m);
-    n->health_page = (n->health_page + 1u) % NODE_HEALTH_PAGES;
-}
-
-static void send_force_pose(struct node *n)
-{
-    const float *tip = n->controller.kinematics.tip_m, *force = n->controller.coupling.force_N;
-    n->pose_set = (n->pose_set + 1u) & 7u;
-    for (uint8_t part = 0; part < 2; part++) { /* bound: 2 */
-        struct wire_force_pose m = {
-            .part = part,
-            .set = (uint8_t)n->pose_set,
-            .tip_x = wire_quantise(tip[0], WIRE_FORCE_POSE_TIP_X_SCALE, WIRE_FORCE_POSE_TIP_X_BITS, true),
-            .tip_y = wire_quantise(tip[1], WIRE_FORCE_POSE_TIP_Y_SCALE, WIRE_FORCE_POSE_TIP_Y_BITS, true),
-            .tip_z = wire_quantise(tip[2], WIRE_FORCE_POSE_TIP_Z_SCALE, WIRE_FORCE_POSE_TIP_Z_BITS, true),
-            .force_x =
-                (int16_t)wire_quantise(force[0], WIRE_FORCE_POSE_FORCE_X_SCALE, WIRE_FORCE_POSE_FORCE_X_BITS, true),
-            .force_y =
-                (int16_t)wire_quantise(force[1], WIRE_FORCE_POSE_FORCE_Y_SCALE, WIRE_FORCE_POSE_FORCE_Y_BITS, true),
-            .force_z =
-                (int16_t)wire_quantise(force[2], WIRE_FORCE_POSE_FORCE_Z_SCALE, WIRE_FORCE_POSE_FORCE_Z_BITS, true),
-            .contacts = (uint8_t)n->controller.contact.count,
-            .state = (uint8_t)n->controller.safety.state,
-        };
-        wire_force_pose_pack(enqueue(n, WIRE_FORCE_POSE_ID + n->node_id, WIRE_FORCE_POSE_LENGTH)->data, &m);
-    }
-}
-
-/* Copy the contacts that push, as wire integers; those that only touch displace nothing. */
-static void take_contact_report(struct node *n)
-{
-    const struct contact_set *s = &n->controller.contact;
-    n->report_count = n->report_sent = 0;
-    n->report_set = (n->report_set + 1u) & 31u;
-    for (uint32_t i = 0; i < s->count; i++) { /* bound: CONTACT_MAX */
-        const struct contact *c = &s->contact[i];
-        if (!(c->pressure_N > 0.0f))
-            continue;
-        struct node_contact_report *r = &n->report[n->report_count++];
-        r->triangle = c->triangle;
-        r->weight1 =
-            (uint16_t)wire_quantise(c->weights[1], WIRE_CONTACT_WEIGHT1_SCALE, WIRE_CONTACT_WEIGHT1_BITS, false);
-        r->weight2 =
-            (uint16_t)wire_quantise(c->weights[2], WIRE_CONTACT_WEIGHT2_SCALE, WIRE_CONTACT_WEIGHT2_BITS, false);
-        for (int k = 0; k < 3; k++) /* bound: 3 */
-            r->displacement[k] = wire_quantise(c->displacement_m[k], WIRE_CONTACT_DISPLACEMENT_X_SCALE,
-                                               WIRE_CONTACT_DISPLACEMENT_X_BITS, true);
-    }
-}
-
-/* The next contact of the set being sent, in two frames; without contact, one frame that says so. */
-static void send_contact(struct node *n)
-{
-    if (n->report_sent >= n->report_count)
-        take_contact_report(n);
-    const struct node_contact_report *r = &n->report[n->report_sent];
-    struct wire_contact m = {
-        .slot = (uint8_t)n->report_sent, .set = (uint8_t)n->report_set, .count = (uint8_t)n->report_count};
-    if (n->report_count > 0) {
-        m.triangle = r->triangle;
-        m.weight1 = r->weight1;
-        m.weight2 = r->weight2;
-    }
-    wire_contact_pack(enqueue(n, WIRE_CONTACT_ID + n->node_id, WIRE_CONTACT_LENGTH)->data, &m);
-    n->report_sent++;
-    if (n->report_count == 0)
-        return;
-    m.part = 1;
-    m.displacement_x = r->displacement[0];
-    m.displacement_y = r->displacement[1];
-    m.displacement_z = r->displacement[2];
-    wire_contact_pack(enqueue(n, WIRE_CONTACT_ID + n->node_id, WIRE_CONTACT_LENGTH)->data, &m);
-}
-
-/* At most NODE_TELEMETRY_FRAMES frames; the turns do not collide but for heartbeat and health, which share a tick. */
 static void send_telemetry(struct node *n)
 {
-    static const uint8_t nmt_state[4] = {
-        [SAFETY_INIT] = 127, [SAFETY_READY] = 127, [SAFETY_RUN] = 5, [SAFETY_SAFE] = 4};
-    uint32_t now = n->controller.tick_count;
-    bool heartbeat = now % 100u == 50u, health = now % 16u == 8u;
-    if (heartbeat)
-        send_heartbeat(n, nmt_state[n->controller.safety.state]);
-    if (health)
-        send_health(n);
-    if (heartbeat || health)
-        return;
-    if (now % 10u == 5u)
-        send_force_pose(n);
-    else
-        send_contact(n);
+    const struct telemetry_counters counters = {.malformed = n->frames_malformed,
+                                                .queue_overflows = n->queue_overflows,
+                                                .worst_tick_us = n->worst_tick_us,
+                                                .bus = n->bus};
+    struct can_frame_t frame[TELEMETRY_FRAMES];
+    uint32_t count = telemetry_tick(&n->telemetry, &n->controller, n->bank, &counters, n->node_id, frame);
+    for (uint32_t i = 0; i < count; i++) /* bound: TELEMETRY_FRAMES */
+        *enqueue(n, frame[i].id, frame[i].length) = frame[i];
 }
 
 void node_finish_tick(struct node *n)

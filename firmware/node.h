@@ -1,13 +1,13 @@
 /* The controller as a CAN node: frames in, frames out, no I/O of its own. A port (or the simulator) moves the frames.
  *
  * One tick, every millisecond:
- *   node_begin_tick(n)        queues SYNC; the device samples and answers with its encoder frame
+ *   node_begin_tick(n)        queues SYNC, if it is the node of instrument 0; the device samples and answers with its
+ *                             encoder frame. The node of another instrument begins its tick at that SYNC
  *   node_receive(n, frame)    any number of times, any frame; what does not concern the node is ignored and counted
- *   node_finish_tick(n)       runs tick(), queues the torque frame and at most NODE_TELEMETRY_FRAMES of telemetry
+ *   node_finish_tick(n)       runs tick(), queues the torque frame and the telemetry whose turn it is (telemetry.h)
  *   node_transmit(n, &frame)  takes the queued frames, most urgent first; false when none is left
  *
- * Telemetry by turns: heartbeat and health 10 Hz each, force and pose 100 Hz, contacts in the remaining ticks (with m
- * contacts a set takes m ticks). Frames that the port could not send before the next tick are dropped and counted: a
+ * Frames that the port could not send before the next tick are dropped and counted: a
  * stale torque must not follow a fresh one. */
 #ifndef TROCAR_NODE_H
 #define TROCAR_NODE_H
@@ -16,20 +16,10 @@
 #include <stdint.h>
 
 #include "can_frame.h"
+#include "telemetry.h"
 #include "tick.h"
 
-enum {
-    NODE_QUEUE = 8, /* SYNC, torque, emergency, telemetry: at most 5 in a tick */
-    NODE_TELEMETRY_FRAMES =
-        2, /* a tick: with SYNC, encoders and torque 5 of the 7 full frames that fit 1 ms at 1 Mbit/s */
-    NODE_HEALTH_PAGES = 7
-};
-
-struct node_contact_report { /* one contact as it goes on the wire: raw integers of wire.dbc */
-    uint32_t triangle;
-    uint16_t weight1, weight2;
-    int32_t displacement[3];
-};
+enum { NODE_QUEUE = 8 /* SYNC, torque, emergency, TELEMETRY_FRAMES: at most 5 in a tick */ };
 
 struct node {
     struct controller controller;
@@ -43,10 +33,8 @@ struct node {
     struct can_errors bus;                                                       /* the port's, for Health */
     uint32_t queue_count, queue_taken;
     struct can_frame_t queue[NODE_QUEUE];
-    /* contact set being sent, so that its frames belong together */
-    uint32_t report_count, report_sent, report_set;
-    struct node_contact_report report[CONTACT_MAX];
-    uint32_t health_page, pose_set;
+    uint32_t worst_tick_us; /* the port's, for Health: from the beginning of node_finish_tick to its end */
+    struct telemetry telemetry;
 };
 
 /* `instrument` selects the bank's TOOL record; `memory` as for controller_start, whose status is returned. Queues the

@@ -264,9 +264,9 @@ bool wire_force_pose_unpack(struct wire_force_pose *m, const uint8_t *data, uint
 void wire_health_pack(uint8_t data[8], const struct wire_health *m)
 {
     uint64_t bits = 0;
-    bits |= field((uint32_t)m->page, 0, 3);
-    bits |= field((uint32_t)m->state, 3, 2);
-    switch (field((uint32_t)m->page, 0, 3)) {
+    bits |= field((uint32_t)m->page, 0, 4);
+    bits |= field((uint32_t)m->state, 4, 2);
+    switch (field((uint32_t)m->page, 0, 4)) {
     case 0:
         bits |= field((uint32_t)m->missed, 8, 16);
         bits |= field((uint32_t)m->implausible, 24, 16);
@@ -301,6 +301,19 @@ void wire_health_pack(uint8_t data[8], const struct wire_health *m)
         bits |= field((uint32_t)m->error_passive, 24, 16);
         bits |= field((uint32_t)m->bus_off, 40, 16);
         break;
+    case 7:
+        bits |= field((uint32_t)m->contacts_held, 8, 16);
+        bits |= field((uint32_t)m->contacts_waiting, 24, 16);
+        bits |= field((uint32_t)m->rows_dropped, 40, 16);
+        break;
+    case 8:
+        bits |= field((uint32_t)m->row_work, 8, 32);
+        bits |= field((uint32_t)m->worst_tick, 40, 16);
+        break;
+    case 9:
+        bits |= field((uint32_t)m->state_hash, 8, 32);
+        bits |= field((uint32_t)m->hash_tick, 40, 16);
+        break;
     default:
         break;
     }
@@ -312,7 +325,7 @@ bool wire_health_unpack(struct wire_health *m, const uint8_t *data, uint8_t leng
     if (length != WIRE_HEALTH_LENGTH)
         return false;
     const uint64_t bits = load(data, WIRE_HEALTH_LENGTH);
-    switch (field_of(bits, 0, 3)) {
+    switch (field_of(bits, 0, 4)) {
     case 0:
         m->missed = (uint16_t)field_of(bits, 8, 16);
         m->implausible = (uint16_t)field_of(bits, 24, 16);
@@ -347,11 +360,24 @@ bool wire_health_unpack(struct wire_health *m, const uint8_t *data, uint8_t leng
         m->error_passive = (uint16_t)field_of(bits, 24, 16);
         m->bus_off = (uint16_t)field_of(bits, 40, 16);
         break;
+    case 7:
+        m->contacts_held = (uint16_t)field_of(bits, 8, 16);
+        m->contacts_waiting = (uint16_t)field_of(bits, 24, 16);
+        m->rows_dropped = (uint16_t)field_of(bits, 40, 16);
+        break;
+    case 8:
+        m->row_work = (uint32_t)field_of(bits, 8, 32);
+        m->worst_tick = (uint16_t)field_of(bits, 40, 16);
+        break;
+    case 9:
+        m->state_hash = (uint32_t)field_of(bits, 8, 32);
+        m->hash_tick = (uint16_t)field_of(bits, 40, 16);
+        break;
     default:
         return false;
     }
-    m->page = (uint8_t)field_of(bits, 0, 3);
-    m->state = (uint8_t)field_of(bits, 3, 2);
+    m->page = (uint8_t)field_of(bits, 0, 4);
+    m->state = (uint8_t)field_of(bits, 4, 2);
     return true;
 }
 

@@ -81,8 +81,7 @@ void wire_torques_pack(uint8_t data[8], const struct wire_torques *m);
 bool wire_torques_unpack(struct wire_torques *m, const uint8_t *data, uint8_t length);
 
 /* One contact point in two frames: where (Part 0) and how far the tissue is displaced (Part 1). Set rises by one per
- * refresh, at most once per tick; Count is the number of contacts of this set; Count 0 in slot 0 says that contact
- * was lost. */
+ * refresh; Count is the number of contacts of this set; Count 0 in slot 0 says that contact was lost. */
 enum { WIRE_CONTACT_ID = 0x280 /* + node */, WIRE_CONTACT_LENGTH = 8 };
 #define WIRE_CONTACT_WEIGHT1_SCALE        1.52590219e-05f
 #define WIRE_CONTACT_WEIGHT1_BITS         16
@@ -139,12 +138,13 @@ struct wire_force_pose {
 void wire_force_pose_pack(uint8_t data[8], const struct wire_force_pose *m);
 bool wire_force_pose_unpack(struct wire_force_pose *m, const uint8_t *data, uint8_t length);
 
-/* Counters of everything lost or limited; they stop at their maximum. Tick and Energy are values. */
+/* Counters of everything lost or limited; they stop at their maximum. Tick, Energy, RowWork, WorstTick, StateHash and
+ * HashTick are values. */
 enum { WIRE_HEALTH_ID = 0x500 /* + node */, WIRE_HEALTH_LENGTH = 8 };
 #define WIRE_HEALTH_ENERGY_SCALE 0.0001f
 #define WIRE_HEALTH_ENERGY_BITS  16
 struct wire_health {
-    uint8_t page;                     /* page: 3 bits, 0..7 */
+    uint8_t page;                     /* page: 4 bits, 0..15 */
     uint8_t state;                    /* 2 bits, 0..3 */
     uint16_t missed;                  /* page 0: 16 bits, 0..65535 */
     uint16_t implausible;             /* page 0: 16 bits, 0..65535 */
@@ -166,6 +166,13 @@ struct wire_health {
     uint16_t receive_overflows;       /* page 6: 16 bits, 0..65535 */
     uint16_t error_passive;           /* page 6: 16 bits, 0..65535 */
     uint16_t bus_off;                 /* page 6: 16 bits, 0..65535 */
+    uint16_t contacts_held;           /* page 7: 16 bits, 0..65535 */
+    uint16_t contacts_waiting;        /* page 7: 16 bits, 0..65535 */
+    uint16_t rows_dropped;            /* page 7: 16 bits, 0..65535 */
+    uint32_t row_work;                /* page 8: 32 bits, 0..4294967295 */
+    uint16_t worst_tick;              /* page 8: 16 bits, us, 0..65535 */
+    uint32_t state_hash;              /* page 9: 32 bits, 0..4294967295 */
+    uint16_t hash_tick;               /* page 9: 16 bits, 0..65535 */
 };
 void wire_health_pack(uint8_t data[8], const struct wire_health *m);
 bool wire_health_unpack(struct wire_health *m, const uint8_t *data, uint8_t length);

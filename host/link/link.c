@@ -24,15 +24,44 @@ enum {
     HEALTH_RECEIVE_OVERFLOWS,
     HEALTH_ERROR_PASSIVE,
     HEALTH_BUS_OFF,
+    HEALTH_CONTACTS_HELD,
+    HEALTH_CONTACTS_WAITING,
+    HEALTH_ROWS_DROPPED,
+    HEALTH_ROW_WORK,
+    HEALTH_WORST_TICK,
+    HEALTH_STATE_HASH,
+    HEALTH_HASH_TICK,
     HEALTH_TICK,
     HEALTH_ENERGY,
     HEALTH_COUNT
 };
 
 static const char *const health_names[] = {
-    "missed",       "implausible", "out_of_sequence",         "duplicates",    "overruns",        "safe_entries",
-    "clamps",       "rate_limits", "passivity_interventions", "malformed",     "queue_overflows", "walks_cut",
-    "solver_cuts",  "nonfinite",   "receive_overflows",       "error_passive", "bus_off",         "tick",
+    "missed",
+    "implausible",
+    "out_of_sequence",
+    "duplicates",
+    "overruns",
+    "safe_entries",
+    "clamps",
+    "rate_limits",
+    "passivity_interventions",
+    "malformed",
+    "queue_overflows",
+    "walks_cut",
+    "solver_cuts",
+    "nonfinite",
+    "receive_overflows",
+    "error_passive",
+    "bus_off",
+    "contacts_held",
+    "contacts_waiting",
+    "rows_dropped",
+    "row_work",
+    "worst_tick_us",
+    "state_hash",
+    "hash_tick",
+    "tick",
     "energy_100uJ",
 };
 
@@ -224,10 +253,23 @@ static enum verdict receive_health(struct link *link, const struct can_frame_t *
         h[HEALTH_SOLVER_CUTS] = m.solver_cuts;
         h[HEALTH_NONFINITE] = m.nonfinite;
         break;
-    default: /* 6; others were refused */
+    case 6:
         h[HEALTH_RECEIVE_OVERFLOWS] = m.receive_overflows;
         h[HEALTH_ERROR_PASSIVE] = m.error_passive;
         h[HEALTH_BUS_OFF] = m.bus_off;
+        break;
+    case 7:
+        h[HEALTH_CONTACTS_HELD] = m.contacts_held;
+        h[HEALTH_CONTACTS_WAITING] = m.contacts_waiting;
+        h[HEALTH_ROWS_DROPPED] = m.rows_dropped;
+        break;
+    case 8:
+        h[HEALTH_ROW_WORK] = m.row_work;
+        h[HEALTH_WORST_TICK] = m.worst_tick;
+        break;
+    default: /* 9; others were refused */
+        h[HEALTH_STATE_HASH] = m.state_hash;
+        h[HEALTH_HASH_TICK] = m.hash_tick;
         break;
     }
     return USEFUL;

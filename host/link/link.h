@@ -4,8 +4,9 @@
  * A set of contacts (or a pair of tip and force) comes in several frames with one set number. It is handed on when all
  * of it has arrived, in whatever order; frames may be lost, repeated or late. A frame that is older than the newest set
  * is ignored, a newer one ends the assembly under way. Numbers repeat after 32 sets (8 pairs), so an assembly is given
- * up LINK_CONTACT_WINDOW_US after its first frame: as a controller begins a set at most once per millisecond and a pair
- * at most every 5 ms, no two sets can be mixed as long as no frame is later than 7 ms (pairs: 15 ms). Frames of one set
+ * up LINK_CONTACT_WINDOW_US after its first frame: as a controller begins a set at most every 16 ms and a pair at most every
+ * 10 ms, and takes at most 160 ms for a set and sends a pair at once, no two sets can be mixed as long as no frame is later
+ * than 100 ms (pairs: 40 ms). Frames of one set
  * that contradict each other (a corrupted one among them) throw the set away. */
 #ifndef TROCAR_LINK_H
 #define TROCAR_LINK_H
@@ -16,7 +17,7 @@
 
 #include "can_frame.h"
 
-enum { LINK_MAX_CONTACTS = 16, LINK_CONTACT_WINDOW_US = 24000, LINK_POSE_WINDOW_US = 20000 };
+enum { LINK_MAX_CONTACTS = 16, LINK_HEALTH = 26, LINK_CONTACT_WINDOW_US = 250000, LINK_POSE_WINDOW_US = 40000 };
 
 struct link_contact {
     uint32_t triangle;
@@ -42,7 +43,7 @@ struct link {
     unsigned contacts_reported; /* how many the controller says it has, with force_N */
     unsigned state;             /* enum safety_state; from the newest frame that carries it */
     uint64_t pose_time_us, pose_sets;
-    uint32_t health[19]; /* in the order of link_health_name */
+    uint32_t health[LINK_HEALTH]; /* in the order of link_health_name */
     uint64_t health_time_us;
     int reason;         /* 0 or the STATUS_LOOP_* of SAFE */
     unsigned nmt_state; /* of the last heartbeat: 0, 4, 5, 127 */

@@ -159,6 +159,32 @@ def check_timing(wire):
         yield "%d rows, the tick ends at %d µs" % (len(rows), end)
 
 
+def check_load(wire, messages):
+    """Each row is the DBC's length and firmware/telemetry.c's pace; the sum is what the last row says."""
+    length = {message.name: message.length for message in messages}
+    paces = [{key: int(value) for key, value in re.findall(r"\.(\w+) = (\d+)", row)} for row in re.findall(
+        r"\{(\.contact = .*?)\}", open("firmware/telemetry.c", encoding="utf-8").read())]
+    paced = {"Contact": "contact", "ForcePose": "pose", "Health": "health", "Heartbeat": "heartbeat"}
+    table = re.search(r"### Bus load\n(.*?)\n### ", wire, re.DOTALL)
+    rows = [cells(line) for line in table[1].split("\n") if line.startswith("| ")][1:] if table else []
+    total = [0, 0]
+    for frame, bits, *turns in rows[:-1]:
+        name = frame.split(",")[0]
+        frames = 2 if "pair" in frame else 1
+        if int(bits) != frames * (55 + 10 * length[name]):
+            yield "%s: %s bits" % (frame, bits)
+        for column, turn in enumerate(turns):
+            every = int(turn.split()[0])
+            senders = 2 if column and "," not in turn else 1
+            total[column] += senders * int(bits) / (1000 * every)
+            if name in paced and every != paces[column][paced[name]]:
+                yield "%s: %s, but %d in telemetry.c" % (name, turn, paces[column][paced[name]])
+    if not rows or rows[-1][2:] != ["%.1f %%" % (100 * share) for share in total]:
+        yield "the sums are %s" % total
+    if total[1] > 0.7 or total[1] == 0:
+        yield "two instruments take %g of the bus" % total[1]
+
+
 def main():
     messages = read_dbc("shared/wire.dbc")
     text = open("shared/SPEC.md", encoding="utf-8").read()
@@ -173,6 +199,7 @@ def main():
         listed, [[message.identifier(), message.name, message.sender.lower()] for message in messages])
         if pair[0] != pair[1]] + (["%d rows" % len(listed)] if len(listed) != len(messages) else [])))
     results.append(("the times of a tick add up", list(check_timing(wire)) if sections else ["no section"]))
+    results.append(("the load of one and two instruments adds up, and is below 70 %", list(check_load(wire, messages))))
     for message in messages:
         section = sections.get(message.name, "")
         faults = list(check_table(message, section))

@@ -86,6 +86,13 @@ static const struct place places[] = {
     AT(Health, health, ReceiveOverflows, receive_overflows),
     AT(Health, health, ErrorPassive, error_passive),
     AT(Health, health, BusOff, bus_off),
+    AT(Health, health, ContactsHeld, contacts_held),
+    AT(Health, health, ContactsWaiting, contacts_waiting),
+    AT(Health, health, RowsDropped, rows_dropped),
+    AT(Health, health, RowWork, row_work),
+    AT(Health, health, WorstTick, worst_tick),
+    AT(Health, health, StateHash, state_hash),
+    AT(Health, health, HashTick, hash_tick),
     AT(Heartbeat, heartbeat, NmtState, nmt_state),
     AT(HostHeartbeat, host_heartbeat, NmtState, nmt_state),
 };
@@ -136,6 +143,7 @@ static const struct codec codecs[] = {
     ROW(HostHeartbeat, HOST_HEARTBEAT, host_heartbeat),
 };
 
+enum { ROOM = 128 }; /* bytes for any message as a struct */
 static uint64_t seed = 20240611;
 
 static uint64_t random_bits(void)
@@ -237,7 +245,7 @@ static void pack_follows_the_dbc_for_every_message(void **state)
         const struct dbc_message *m = &dbc->message[i];
         const struct codec *codec = codec_of(m);
         for (int round = 0; round < 20000; round++) {
-            _Alignas(8) uint8_t raw[64];
+            _Alignas(8) uint8_t raw[ROOM];
             for (size_t k = 0; k < sizeof raw; k++) /* members hold more bits than the frame: the rest must not leak */
                 raw[k] = (uint8_t)random_bits();
             const struct dbc_signal *selector = selector_of(m);
@@ -270,7 +278,7 @@ static void unpack_follows_the_dbc_for_every_message(void **state)
             uint8_t data[8];
             for (size_t k = 0; k < sizeof data; k++)
                 data[k] = (uint8_t)random_bits();
-            _Alignas(8) uint8_t before[64], after[64];
+            _Alignas(8) uint8_t before[ROOM], after[ROOM];
             const int filler = (int)(random_bits() & 0xff);
             memset(before, filler, sizeof before);
             memset(after, filler, sizeof after);
@@ -296,7 +304,7 @@ static void a_wrong_length_is_refused_and_changes_nothing(void **state)
     for (size_t i = 0; i < sizeof codecs / sizeof codecs[0]; i++)
         for (unsigned length = 0; length < 256; length++) {
             const uint8_t data[8] = {0};
-            _Alignas(8) uint8_t before[64], after[64];
+            _Alignas(8) uint8_t before[ROOM], after[ROOM];
             memset(before, 0x5a, sizeof before);
             memset(after, 0x5a, sizeof after);
             assert_int_equal(codecs[i].unpack(after, data, (uint8_t)length), length == codecs[i].length);
@@ -317,7 +325,7 @@ static void identifiers_lengths_and_types_are_those_of_the_dbc(void **state)
         const uint32_t node = (m->id & 0x7f) == 1 ? 1 : 0;
         assert_int_equal(codec->id + node, m->id);
         assert_int_equal(codec->length, m->length);
-        assert_true(codec->size <= 64); /* the room that the tests below give it */
+        assert_true(codec->size <= ROOM); /* the room that the tests below give it */
         signals += m->signal_count;
         for (size_t k = 0; k < m->signal_count; k++) {
             const unsigned bits = m->signal[k].bits;
