@@ -1,7 +1,5 @@
-/* Section FACT: rows come back bit for bit; whatever the step, no contact system loses its definiteness; damaged code is
- * refused or harmless; a finer step is a truer one; and how small it is. TROCAR_LONG=1: 100 000 contact sets, more damage,
- * and the large liver. */
-#include <lapacke.h>
+/* Section FACT: rows come back bit for bit; damaged code is refused or harmless; a finer step is a truer one; and how small
+ * it is. TROCAR_LONG=1: more damage, and the large liver. (Contact systems: test_contact_sets.c.) */
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,13 +9,10 @@
 #include <cmocka.h>
 
 #include "bank.h"
-#include "contact.h"
 #include "factor_fixture.h"
 #include "random.h"
 #include "row.h"
 #include "row_code.h"
-
-enum { MAX_POINTS = 20, MAX_SIDE = 3 * MAX_POINTS };
 
 static bool thorough;
 
@@ -102,123 +97,6 @@ static void the_compliance_is_that_of_the_integers(void **state)
     }
     rows_in_memory_free(&rows);
     factor_fixture_free(&f);
-}
-
-struct point {
-    uint32_t row[3];
-    double weight[3];
-};
-
-static struct point on_triangle(const struct bank_view *view, uint32_t t)
-{
-    struct point p;
-    double a = random_unit(), b = random_unit();
-    if (a + b > 1) {
-        a = 1 - a;
-        b = 1 - b;
-    }
-    if (random_below(8) == 0) /* a corner, an edge */
-        a = random_below(2) ? 0 : 1 - b;
-    double w[3] = {1 - a - b, a, b};
-    for (int k = 0; k < 3; k++) {
-        p.row[k] = view->row_of[view->triangles[t].vertex[k]];
-        p.weight[k] = p.row[k] == BANK_NONE ? 0 : w[k];
-        p.row[k] = p.row[k] == BANK_NONE ? 0 : p.row[k];
-    }
-    return p;
-}
-
-/* 1 .. MAX_POINTS points of one or two tools; neighbours, coincident ones, and ones that are 1e-6 of a triangle apart. */
-static unsigned draw(const struct bank_view *view, struct point *p)
-{
-    unsigned m = 1 + random_below(MAX_POINTS), tools = 1 + random_below(2), spread = 1 + random_below(4);
-    uint32_t at[2] = {random_below(view->triangle_count), random_below(view->triangle_count)};
-    for (unsigned c = 0; c < m; c++) {
-        uint32_t *t = &at[c % tools];
-        for (unsigned s = random_below(spread); s > 0; s--)
-            *t = view->triangles[*t].neighbour[random_below(3)];
-        p[c] = on_triangle(view, *t);
-        unsigned kind = c > 0 ? random_below(6) : 5;
-        if (kind < 2)
-            p[c] = p[random_below(c)];
-        if (kind == 1) {
-            p[c].weight[0] -= 1e-6;
-            p[c].weight[1] += 1e-6;
-        }
-    }
-    return m;
-}
-
-/* W^t G W + epsilon I from the bank's float blocks: in double for the eigenvalues, in float for the solve. */
-static void assemble(const struct bank_view *view, const struct point *p, unsigned m, double epsilon, double *A)
-{
-    unsigned n = 3 * m;
-    memset(A, 0, n * n * sizeof *A);
-    for (unsigned c = 0; c < m; c++)
-        for (unsigned d = 0; d < m; d++)
-            for (int i = 0; i < 3; i++)
-                for (int j = 0; j < 3; j++) {
-                    float g[9];
-                    bank_view_compliance(view, p[c].row[i], p[d].row[j], g);
-                    for (int k = 0; k < 9; k++)
-                        A[n * (3 * c + k / 3) + 3 * d + k % 3] += p[c].weight[i] * p[d].weight[j] * (double)g[k];
-                }
-    for (unsigned k = 0; k < n; k++)
-        A[(n + 1) * k] += epsilon;
-}
-
-/* No setting makes a contact system indefinite: the smallest eigenvalue of C + epsilon I stays at epsilon. Blocks are rounded
- * to float32, which may take 2^-23 of the largest eigenvalue, at most the trace. And a solve in single precision gives the
- * forces of one in double to within 1e-3: the condition stays below 2e4 for one point, and grows with their number. */
-static void no_contact_system_is_indefinite(void **state)
-{
-    (void)state;
-    random_seed("contact sets", 3);
-    double steps[] = {COMPRESSION_STEP_MAX, 1e-2, COMPRESSION_STEP};
-    unsigned sets = thorough ? 33334 : 700;
-    for (int s = 0; s < 3; s++) {
-        struct factor_fixture f;
-        struct bank_fixture_options o = sphere;
-        o.subdivisions = thorough ? 3 : 2;
-        assert_int_equal(factor_fixture(&o, steps[s], &f), STATUS_OK);
-        struct rows_in_memory rows;
-        struct failure why;
-        assert_int_equal(rows_in_memory(&f.view, &rows, &why), STATUS_OK);
-        double epsilon = (double)f.view.contact->regularisation_m_N, worst = INFINITY, off = 0;
-        for (unsigned k = 0; k < sets; k++) {
-            struct point p[MAX_POINTS];
-            double A[MAX_SIDE * MAX_SIDE], w[MAX_SIDE], d[MAX_SIDE], B[MAX_SIDE * MAX_SIDE];
-            float a[MAX_SIDE * MAX_SIDE], x[MAX_SIDE];
-            unsigned m = draw(&f.view, p);
-            int n = (int)(3 * m);
-            assemble(&f.view, p, m, epsilon, A);
-            double trace = 0, difference = 0, size = 0;
-            for (int i = 0; i < n; i++) {
-                trace += A[(n + 1) * i];
-                d[i] = random_range(-0.01, 0.01);
-                x[i] = (float)d[i];
-            }
-            for (int i = 0; i < n * n; i++)
-                a[i] = (float)A[i];
-            memcpy(B, A, sizeof A);
-            assert_int_equal(LAPACKE_dsyev(LAPACK_ROW_MAJOR, 'N', 'L', n, B, n, w), 0);
-            assert_true(w[0] >= epsilon * (1 - 1e-6) - 0x1p-23 * trace);
-            worst = fmin(worst, w[0] / epsilon);
-            assert_int_equal(LAPACKE_dposv(LAPACK_ROW_MAJOR, 'L', n, 1, A, n, d, 1), 0);
-            assert_int_equal(LAPACKE_sposv(LAPACK_ROW_MAJOR, 'L', n, 1, a, n, x, 1), 0);
-            for (int i = 0; i < n; i++) {
-                assert_true(isfinite(x[i]));
-                difference += pow((double)x[i] - d[i], 2);
-                size += d[i] * d[i];
-            }
-            off = fmax(off, sqrt(difference / size));
-        }
-        print_message("# step %g: %u sets, smallest eigenvalue %.7f epsilon, float against double %.1e\n", steps[s],
-                      sets, worst, off);
-        assert_true(off < 1e-3);
-        rows_in_memory_free(&rows);
-        factor_fixture_free(&f);
-    }
 }
 
 /* Exactly: the integer Gram matrix itself, without the blocks' rounding to float32. */
@@ -387,13 +265,9 @@ int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rows_come_back_bit_for_bit),
-        cmocka_unit_test(the_compliance_is_that_of_the_integers),
-        cmocka_unit_test(no_contact_system_is_indefinite),
-        cmocka_unit_test(the_gram_matrix_is_exact),
-        cmocka_unit_test(damaged_code_is_refused_or_harmless),
-        cmocka_unit_test(a_finer_step_is_truer_and_longer),
-        cmocka_unit_test(livers_are_small),
+        cmocka_unit_test(rows_come_back_bit_for_bit),       cmocka_unit_test(the_compliance_is_that_of_the_integers),
+        cmocka_unit_test(the_gram_matrix_is_exact),         cmocka_unit_test(damaged_code_is_refused_or_harmless),
+        cmocka_unit_test(a_finer_step_is_truer_and_longer), cmocka_unit_test(livers_are_small),
     };
     return cmocka_run_group_tests(tests, setup, NULL);
 }
