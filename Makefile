@@ -81,8 +81,9 @@ $(B)/obj/%.o: %.S | packages
 	$(call say,AS,$<)
 	$(Q)$(CC) -MMD -MP -c $< -o $@
 
-# The assembler includes the page as it is; it writes no dependencies.
+# The assembler includes the page and the protocol as they are; it writes no dependencies.
 $(B)/obj/host/view/page_bytes.o: $(wildcard host/view/page/*)
+$(B)/obj/host/wire/wire_dbc_text.o: shared/wire.dbc
 
 $(B)/libfirmware.a: $(FIRMWARE_OBJ)
 	@rm -f $@

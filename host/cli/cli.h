@@ -11,6 +11,7 @@
 typedef int verb_function(int argc, char **argv, struct failure *why);
 
 verb_function verb_mesh, verb_build, verb_info, verb_verify, verb_run, verb_view, verb_tradeoff, verb_explain;
+verb_function verb_busload;
 
 /* Parse "0.214", a positive finite number of metres, or fail with STATUS_USAGE naming the option. */
 int cli_positive(const char *option, const char *text, double *value, struct failure *why);

@@ -21,6 +21,7 @@ static const struct verb {
     {"run", verb_run, "run device, controller and host on a simulated bus"},
     {"view", verb_view, "show the organ live on a local page"},
     {"tradeoff", verb_tradeoff, "measure what accuracy costs in time and bytes"},
+    {"busload", verb_busload, "compute what the protocol takes of the bus"},
     {"explain", verb_explain, "say what a named or numbered status means and what to do"},
 };
 enum { VERBS = sizeof verbs / sizeof verbs[0] };
