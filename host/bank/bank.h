@@ -75,7 +75,8 @@ int body_from_scene(const struct scene *scene, struct body *body, struct mesh_re
 /* The body that a bank was built from, for verify and for the independent finite-element force of `trocar run`: from
  * the scene file, or from the scene in the bank's provenance. Then the mesh is looked for as its path is stored, and
  * relative to the bank's folder; the first file whose CRC-32 is the bank's is taken. FILE_OPEN when there is none,
- * CHECK_FAILED when one is there but has changed, or when its surface is no longer the bank's. */
+ * CHECK_FAILED when one is there but has changed, when its surface is no longer the bank's, or when the scene file says
+ * anything else than the bank's scene. */
 int body_open(const struct bank_file *bank, const char *scene_path /* or NULL */, struct body *body,
               struct failure *why);
 void body_close(struct body *body);

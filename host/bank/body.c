@@ -157,6 +157,48 @@ static bool same_surface(const struct bank_view *view, const struct body *body)
     return true;
 }
 
+/* The scene's text as the bank holds it, whatever place its mesh was read from. */
+static char *text_of(struct scene *scene)
+{
+    scene->path[0] = scene->mesh_path[0] = 0;
+    return scene_print(scene);
+}
+
+/* A bank and a scene of the same mesh may still differ in what the body is made of, or where it is held. */
+static int same_scene(const struct bank_file *bank, const struct body *body, const char *scene_path,
+                      struct failure *why)
+{
+    if (!bank->scene_text)
+        return STATUS_OK;
+    struct scene *scene = malloc(sizeof *scene);
+    if (!scene)
+        return failure_set(why, STATUS_MEMORY, bank->path, NULL, "no memory for the scene");
+    char *there = NULL, *here = NULL;
+    int status = scene_parse(bank->scene_text, strlen(bank->scene_text), bank->path, scene, why);
+    if (!status) {
+        there = text_of(scene);
+        *scene = body->scene;
+        here = text_of(scene);
+        if (!here || !there)
+            status = failure_set(why, STATUS_MEMORY, bank->path, NULL, "no memory for the scene");
+    }
+    if (!status && strcmp(here, there) != 0) {
+        size_t line = 0; /* start of the first line that differs */
+        for (size_t i = 0; here[i] == there[i]; i++)
+            line = here[i] == '\n' ? i + 1 : line;
+        while (here[line] == ' ')
+            line++;
+        status =
+            failure_set(why, STATUS_CHECK_FAILED, scene_path, "build the bank again, or take the scene it is from",
+                        "%.200s is the bank of another scene: here \"%.*s\", there \"%.*s\"", bank->path,
+                        (int)strcspn(here + line, "\n"), here + line, (int)strcspn(there + line, "\n"), there + line);
+    }
+    free(here);
+    free(there);
+    free(scene);
+    return status;
+}
+
 int body_open(const struct bank_file *bank, const char *scene_path, struct body *body, struct failure *why)
 {
     *body = (struct body){0};
@@ -185,6 +227,8 @@ int body_open(const struct bank_file *bank, const char *scene_path, struct body 
     else if (!same_surface(&bank->view, body))
         status = failure_set(why, STATUS_CHECK_FAILED, body->scene.mesh_path, "rebuild the bank from its scene",
                              "the mesh is the bank's, but read with this scene it gives another surface");
+    else if (scene_path)
+        status = same_scene(bank, body, scene_path, why);
     if (status)
         body_close(body);
     return status;

@@ -119,7 +119,11 @@ static void built_bank_agrees_with_the_scene_file(void **state)
     assert_string_equal(found.differs, "");
     body_close(&body);
     write_scene("4.001 kPa", ""); /* another tissue: every column */
-    assert_int_equal(body_open(&bank, scene_path, &body, &why), STATUS_OK);
+    assert_int_equal(body_open(&bank, scene_path, &body, &why), STATUS_CHECK_FAILED);
+    assert_non_null(strstr(why.cause, "here \"- {label: all, E: 4.001 kPa"));
+    struct scene scene;
+    assert_int_equal(scene_read(scene_path, &scene, &why), STATUS_OK);
+    assert_int_equal(body_from_scene(&scene, &body, NULL, &why), STATUS_OK);
     assert_int_equal(bank_verify(&bank.view, &body, 1, 1, true, &found, &why), STATUS_OK);
     assert_non_null(strstr(found.differs, "in a direct solve"));
     body_close(&body);
