@@ -120,7 +120,7 @@ static void built_bank_agrees_with_the_scene_file(void **state)
     body_close(&body);
     write_scene("4.001 kPa", ""); /* another tissue: every column */
     assert_int_equal(body_open(&bank, scene_path, &body, &why), STATUS_CHECK_FAILED);
-    assert_non_null(strstr(why.cause, "here \"- {label: all, E: 4.001 kPa"));
+    assert_non_null(strstr(why.cause, "here \"- {label: all, E: 4001 Pa"));
     struct scene scene;
     assert_int_equal(scene_read(scene_path, &scene, &why), STATUS_OK);
     assert_int_equal(body_from_scene(&scene, &body, NULL, &why), STATUS_OK);
