@@ -112,7 +112,7 @@ $(B)/tests/%: tests/%.c $(B)/libtrocar.a $(B)/libfirmware.a | test-packages
 	  -o $@ -lcmocka $(LIBS)
 
 # A port: firmware/ports/NAME/port.mk says $(eval $(call port,NAME,compiler,flags of all objects,flags of the port's own
-# objects,link flags and libraries)). The controller's objects are the freestanding ones for every port; a port whose compiler is
+# objects,link flags and libraries)), and in NAME_MORE before it what else the port is made of. The controller's objects are the freestanding ones for every port; a port whose compiler is
 # not installed is left out, and said so.
 PORTS :=
 define port
@@ -124,7 +124,7 @@ endif
 .PHONY: without-$(1)
 without-$(1):
 	@echo '  port $(1) is left out: $(2) is not installed'
-$(1)_OBJ := $$(patsubst %,$(B)/firmware/$(1)/%.o,$$(basename $$(FIRMWARE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS])))
+$(1)_OBJ := $$(patsubst %,$(B)/firmware/$(1)/%.o,$$(basename $$(FIRMWARE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS]) $$($(1)_MORE)))
 $(B)/firmware/$(1)/firmware/ports/%.o: firmware/ports/%.c | packages
 	@mkdir -p $$(@D)
 	$$(Q)$(2) $(4) $(3) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@

@@ -132,7 +132,7 @@ static void send_emergency(struct node *n)
 static void send_telemetry(struct node *n)
 {
     const struct telemetry_counters counters = {.malformed = n->frames_malformed,
-                                                .queue_overflows = n->queue_overflows,
+                                                .queue_overflows = n->queue_overflows + n->bus.aborted,
                                                 .worst_tick_us = n->worst_tick_us,
                                                 .bus = n->bus};
     struct can_frame_t frame[TELEMETRY_FRAMES];

@@ -18,6 +18,7 @@ struct can_errors {
     uint32_t receive_overflows; /* no room for a frame: one or more were lost */
     uint32_t error_passive;     /* entered */
     uint32_t bus_off;           /* entered */
+    uint32_t aborted;           /* frames taken back because they were too old to be sent */
 };
 
 #endif

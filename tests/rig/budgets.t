@@ -20,10 +20,11 @@ import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(HERE, "..")]
-import m7
+import emulated
 from call_graph import call_graph, deepest
 
 TABLE = "--table" in sys.argv[1:]
+PORT = emulated.CortexM7()
 PREFIX = "arm-none-eabi-"
 BEGIN, END = "node_finish_tick", "node_transmit"  # the loop takes the first frame when the tick is done
 LIVER = pathlib.Path(os.environ.get("TROCAR_DATA", "../shared/data")) / "liver_smooth_1665_6691.msh"
@@ -88,26 +89,26 @@ def check(name, measured):
 def functions():
     """Start addresses of the image's functions in order, and their names."""
     found = sorted((int(address, 16) & ~1, name) for address, kind, name in
-                   (line.split() for line in tool("nm", m7.IMAGE).splitlines()) if kind in "tT" and name[0] != "$")
+                   (line.split() for line in tool("nm", PORT.image).splitlines()) if kind in "tT" and name[0] != "$")
     return [address for address, _ in found], [name for _, name in found]
 
 
 def check_image():
-    sizes = {words[0]: int(words[1]) for words in map(str.split, tool("size", "-A", m7.IMAGE).splitlines())
+    sizes = {words[0]: int(words[1]) for words in map(str.split, tool("size", "-A", PORT.image).splitlines())
              if len(words) == 3 and words[1].isdigit()}
     symbols = {name: int(address, 16) for address, _, name in
-               (line.split() for line in tool("nm", m7.IMAGE).splitlines())}
+               (line.split() for line in tool("nm", PORT.image).splitlines())}
     check("image", sizes[".text"] + sizes[".data"])
-    check("memory", symbols["an500_rows"] - symbols["an500_guard"])
-    frame, _, calls = call_graph((m7.BUILD / "firmware/cortex_m7_an500").rglob("*.ci"))
+    check("memory", symbols["memory_rows"] - symbols["memory_guard"])
+    frame, _, calls = call_graph((emulated.BUILD / "firmware/cortex_m7_an500").rglob("*.ci"))
     (worst, chain), cycles = deepest(frame, calls)
     check("stack", worst)
     say("%s" % " > ".join(name.split(":")[-1] for name in chain))
     result(not cycles, "no recursion in the image", cycles)
 
-    text = m7.IMAGE.with_suffix(".map").read_text()
+    text = PORT.image.with_suffix(".map").read_text()
     loaded = re.findall(r"^LOAD (.*)$", text, re.MULTILINE)
-    ours = str(m7.BUILD / "firmware/cortex_m7_an500") + "/"
+    ours = str(emulated.BUILD / "firmware/cortex_m7_an500") + "/"
     strange = [name for name in loaded if not name.startswith(ours) and name != "linker stubs"]
     result(loaded and not strange and "Archive member included" not in text,
            "the linker's map has the controller's and the port's objects, and no library", strange)
@@ -127,7 +128,7 @@ def count_ticks(place, plugin, bank, answers, more=""):
     addresses, names = functions()
     at = {name: address for address, name in zip(addresses, names)}
     ticks = place / "ticks"
-    process = m7.emulate([answers, place / "out"], bank,
+    process = PORT.emulate([answers, place / "out"], bank,
                          plugin="%s,begin=%#x,end=%#x,ticks=%s%s" % (plugin, at[BEGIN], at[END], ticks, more))
     if process.returncode != 0:
         raise RuntimeError(process.stderr.strip())
@@ -140,7 +141,7 @@ def measure(place, plugin, bank, recording):
     path = place / "gesture"
     path.write_text(gesture)
     answers, log = place / "answers", place / "log.csv"
-    m7.record(bank, path if "\n" in gesture else gesture, answers, log, *options)
+    emulated.record(bank, path if "\n" in gesture else gesture, answers, log, *options)
     instructions, said = count_ticks(place, plugin, bank, answers)
     rows = [{key: int(value) for key, value in row.items()} for row in csv.DictReader(log.open())]
     ticks = [dict(row, instructions=n) for row, n in zip(rows, instructions)]
@@ -171,7 +172,7 @@ def show_profile(place, plugin, bank, tick):
 def measure_scene(place, plugin, *source):
     """All recordings on the bank of a scene or mesh; the bank, and the largest figures."""
     bank = place / "scene.bank"
-    m7.build_bank(bank, *source)
+    emulated.build_bank(bank, *source)
     say()
     say("%s, a bank of %d bytes" % (pathlib.Path(source[0]).name, bank.stat().st_size))
     say("  %-18s %6s %6s %3s %9s %9s %9s %9s %6s %5s %7s" % (
@@ -203,7 +204,7 @@ def check_ticks(place):
 
 
 def main():
-    why = m7.missing()
+    why = PORT.missing()
     if why:
         print(why + ": nothing is measured" if TABLE else "1..0 # SKIP " + why)
         return 0

@@ -3,7 +3,7 @@
  *   -plugin FILE.so,begin=ADDRESS,end=ADDRESS,ticks=OUT[,profile=OUT[,first=N][,last=N]]
  *
  * A tick is from the arrival at `begin` to the next arrival at `end`: entries of functions. `ticks` gets one line per tick:
- * its instructions. `profile` gets, for each block of translated code that ran in ticks first .. last (counted from 0), its
+ * its instructions, on the processor that arrived. `profile` gets, for each block of translated code that ran in ticks first .. last (counted from 0), its
  * address and the instructions executed in it. Skipped instructions of an IT block count. No interrupts, no devices: the
  * counts of two runs are the same.
  *
@@ -41,19 +41,22 @@ static struct block *blocks;
 static uint64_t begin_address, end_address, first_tick, last_tick = UINT64_MAX;
 static uint64_t executed, started_at, tick;
 static int inside;
+static unsigned runner; /* the processor whose tick it is */
 static FILE *ticks;
 static const char *profile_path;
 
 static void on_execution(unsigned processor, void *context)
 {
-    (void)processor;
     struct block *b = context;
+    if (inside && processor != runner) /* another one got its turn */
+        return;
     if (inside && b->address == end_address) {
         fprintf(ticks, "%llu\n", (unsigned long long)(executed - started_at));
         inside = 0;
         tick++;
     } else if (!inside && b->address == begin_address) {
         started_at = executed;
+        runner = processor;
         inside = 1;
     }
     executed += b->instructions;

@@ -1,5 +1,5 @@
 /* Arm's semihosting: the debugger or emulator does a few calls of an operating system for the program ("Semihosting for
- * AArch32 and AArch64", Arm 100863). Without one attached, every call is a fault. */
+ * AArch32 and AArch64", Arm 100863), on any Arm processor. Without one attached, every call is a fault. */
 #ifndef TROCAR_SEMIHOSTING_H
 #define TROCAR_SEMIHOSTING_H
 

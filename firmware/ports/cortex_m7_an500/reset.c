@@ -1,13 +1,9 @@
-#include "start.h"
-
-#include "semihosting.h"
+#include "ports/arm/semihosting.h"
+#include "ports/arm/start.h"
 
 /* Of an500.ld: places, not values. */
-extern uint32_t an500_guard[], an500_stack[], an500_stack_top[], an500_handler_stack_top[];
-extern uint32_t an500_data[], an500_data_end[], an500_bss[], an500_bss_end[];
-extern const uint32_t an500_data_image[], an500_bank[];
-
-#define PAINT 0xA5C3A5C3u
+extern uint32_t memory_guard[], memory_handler_stack_top[];
+extern const uint32_t memory_bank[];
 
 /* Registers of the system control space (Armv7-M Architecture Reference Manual, B3.2.2 and B3.5.4). */
 #define REGISTER(address) (*(volatile uint32_t *)(address))
@@ -42,9 +38,9 @@ static void protect(uint32_t number, const volatile void *address, uint32_t log2
 static void protect_memory(void)
 {
     protect(0, (const void *)0, 22, ACCESS_READ, 0);
-    protect(1, an500_guard, 22, ACCESS_WRITE, EXECUTE_NEVER);
-    protect(2, an500_bank, 24, ACCESS_READ, EXECUTE_NEVER);
-    protect(3, an500_guard, 12, ACCESS_NONE, EXECUTE_NEVER);
+    protect(1, memory_guard, 22, ACCESS_WRITE, EXECUTE_NEVER);
+    protect(2, memory_bank, 24, ACCESS_READ, EXECUTE_NEVER);
+    protect(3, memory_guard, 12, ACCESS_NONE, EXECUTE_NEVER);
     MPU_CTRL = 1; /* on, and no other memory */
     SHCSR |= 7u << 16;
     __asm__ volatile("dsb\n isb" ::: "memory");
@@ -55,11 +51,7 @@ __attribute__((used)) static _Noreturn void start(void)
 {
     CPACR |= 15u << 20;
     __asm__ volatile("dsb\n isb" ::: "memory");
-    const uint32_t *from = an500_data_image;
-    for (uint32_t *to = an500_data; to != an500_data_end; to++) /* bound: initialised variables */
-        *to = *from++;
-    for (uint32_t *to = an500_bss; to != an500_bss_end; to++) /* bound: variables that start as 0 */
-        *to = 0;
+    start_variables();
     protect_memory();
     semihosting_exit(controller_main());
 }
@@ -68,8 +60,8 @@ __attribute__((used)) static _Noreturn void start(void)
 __attribute__((naked, used)) void reset(void);
 void reset(void)
 {
-    __asm__ volatile("ldr r0, =an500_stack\n"
-                     "ldr r1, =an500_stack_top\n"
+    __asm__ volatile("ldr r0, =memory_stack\n"
+                     "ldr r1, =memory_stack_top\n"
                      "ldr r2, =%c0\n"
                      "1: str r2, [r0], #4\n"
                      "cmp r0, r1\n"
@@ -79,27 +71,8 @@ void reset(void)
                      "msr control, r0\n"
                      "isb\n"
                      "b %c1\n"
-                     ".ltorg\n" ::"i"(PAINT),
+                     ".ltorg\n" ::"i"(START_PAINT),
                      "i"(start));
-}
-
-uint32_t start_stack_bytes(void)
-{
-    return (uint32_t)((uintptr_t)an500_stack_top - (uintptr_t)an500_stack);
-}
-
-uint32_t start_stack_used(void)
-{
-    const volatile uint32_t *lowest = an500_stack;
-    while (lowest != an500_stack_top && *lowest == PAINT) /* bound: words of the stack */
-        lowest++;
-    return (uint32_t)((uintptr_t)an500_stack_top - (uintptr_t)lowest);
-}
-
-static void print_register(const char *name, uint32_t value)
-{
-    semihosting_print(name);
-    semihosting_print_hexadecimal(value);
 }
 
 /* `frame`: r0-r3, r12, lr, pc, xpsr as the processor stacked them. */
@@ -110,11 +83,11 @@ __attribute__((used)) static _Noreturn void report_fault(const uint32_t *frame)
     if (cfsr & STACKING_FAILED)
         semihosting_print(" stack=overflow");
     else
-        print_register(" pc=", frame[6]);
-    print_register(" cfsr=", cfsr);
-    print_register(" hfsr=", HFSR);
-    print_register(" mmfar=", MMFAR);
-    print_register(" bfar=", BFAR);
+        start_print_register(" pc=", frame[6]);
+    start_print_register(" cfsr=", cfsr);
+    start_print_register(" hfsr=", HFSR);
+    start_print_register(" mmfar=", MMFAR);
+    start_print_register(" bfar=", BFAR);
     semihosting_print("\n");
     semihosting_exit(START_FAULT_EXIT);
 }
@@ -132,7 +105,7 @@ typedef void handler(void);
 
 /* Stack pointer, reset, and the system exceptions; no interrupt is ever enabled. */
 __attribute__((section(".vectors"), used)) static handler *const vectors[16] = {
-    (handler *)an500_handler_stack_top, /* not a function: the word that the processor loads into its stack pointer */
+    (handler *)memory_handler_stack_top, /* not a function: the word that the processor loads into its stack pointer */
     reset,
     fault, /* NMI */
     fault, /* hard fault */

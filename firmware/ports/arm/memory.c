@@ -1,4 +1,4 @@
-/* The functions of ../blank/memory.h, by words where both ends are aligned alike: structs of the controller are. */
+/* The functions of ports/blank/memory.h, by words where both ends are aligned alike: structs of the controller are. */
 #include "ports/blank/memory.h"
 
 #include <stdint.h>

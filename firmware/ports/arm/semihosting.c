@@ -10,18 +10,33 @@ enum {
     APPLICATION_EXIT = 0x20026
 };
 
+/* The instruction that calls, and the registers with the operation and its argument. */
+#if defined __aarch64__
+#define TRAP   "hlt 0xf000"
+#define FIRST  "x0"
+#define SECOND "x1"
+#elif defined __ARM_ARCH_PROFILE && __ARM_ARCH_PROFILE == 'M'
+#define TRAP   "bkpt 0xab"
+#define FIRST  "r0"
+#define SECOND "r1"
+#else /* Thumb on the other profiles */
+#define TRAP   "svc 0xab"
+#define FIRST  "r0"
+#define SECOND "r1"
+#endif
+
 /* All operations take one word, most often the address of a block of words, and return one. */
-static uint32_t call(uint32_t operation, const volatile void *block)
+static uintptr_t call(uintptr_t operation, const volatile void *block)
 {
-    register uint32_t r0 __asm__("r0") = operation;
-    register const volatile void *r1 __asm__("r1") = block;
-    __asm__ volatile("bkpt 0xab" : "+r"(r0) : "r"(r1) : "memory");
-    return r0;
+    register uintptr_t first __asm__(FIRST) = operation;
+    register const volatile void *second __asm__(SECOND) = block;
+    __asm__ volatile(TRAP : "+r"(first) : "r"(second) : "memory");
+    return first;
 }
 
-static uint32_t word(const volatile void *pointer)
+static uintptr_t word(const volatile void *pointer)
 {
-    return (uint32_t)(uintptr_t)pointer;
+    return (uintptr_t)pointer;
 }
 
 int32_t semihosting_open(const char *path, uint32_t mode)
@@ -29,26 +44,26 @@ int32_t semihosting_open(const char *path, uint32_t mode)
     uint32_t length = 0;
     while (path[length]) /* bound: the path's length */
         length++;
-    uint32_t block[3] = {word(path), mode, length};
+    uintptr_t block[3] = {word(path), mode, length};
     return (int32_t)call(SYS_OPEN, block);
 }
 
 size_t semihosting_read(int32_t handle, void *bytes, size_t length)
 {
-    uint32_t block[3] = {(uint32_t)handle, word(bytes), (uint32_t)length};
-    uint32_t missing = call(SYS_READ, block);
+    uintptr_t block[3] = {(uintptr_t)handle, word(bytes), length};
+    uintptr_t missing = call(SYS_READ, block);
     return missing > length ? 0 : length - missing;
 }
 
 bool semihosting_write(int32_t handle, const void *bytes, size_t length)
 {
-    uint32_t block[3] = {(uint32_t)handle, word(bytes), (uint32_t)length};
+    uintptr_t block[3] = {(uintptr_t)handle, word(bytes), length};
     return call(SYS_WRITE, block) == 0;
 }
 
 bool semihosting_command_line(char *line, size_t room)
 {
-    uint32_t block[2] = {word(line), (uint32_t)room};
+    uintptr_t block[2] = {word(line), room};
     return call(SYS_GET_CMDLINE, block) == 0;
 }
 
@@ -79,7 +94,7 @@ void semihosting_print_hexadecimal(uint32_t number)
 
 _Noreturn void semihosting_exit(int code)
 {
-    uint32_t block[2] = {APPLICATION_EXIT, (uint32_t)code};
+    uintptr_t block[2] = {APPLICATION_EXIT, (uintptr_t)code};
     for (;;) /* bound: none; the first call does not return */
         call(SYS_EXIT_EXTENDED, block);
 }

@@ -1,9 +1,9 @@
-/* Instead of the controller, on the port's own start-up code: one access that the memory protection must refuse. The
- * command line's first letter says which. Exit code 0: it was let through. */
-#include "semihosting.h"
-#include "start.h"
+/* Instead of the controller, on a port's own start-up code: one access that the memory protection must refuse. The command
+ * line's last letter says which. Exit code 0: it was let through. */
+#include "ports/arm/semihosting.h"
+#include "ports/arm/start.h"
 
-extern uint32_t an500_stack[], an500_bank[], an500_rows[];
+extern uint32_t memory_stack[], memory_bank[], memory_rows[];
 
 static volatile uint32_t sink;
 
@@ -18,20 +18,23 @@ static uint32_t descend(uint32_t level)
 
 int controller_main(void)
 {
-    char line[16];
-    if (!semihosting_command_line(line, sizeof line))
+    static char line[512];
+    char *last = line;
+    if (!semihosting_command_line(line, sizeof line) || !*line)
         return 2;
-    switch (line[0]) {
+    while (last[1])
+        last++;
+    switch (*last) {
     case 'c': /* write to code */
         *(volatile uint32_t *)((uintptr_t)&controller_main & ~(uintptr_t)3) = 0;
         break;
     case 'b': /* write to the bank */
-        *(volatile uint32_t *)an500_bank = 0;
+        *(volatile uint32_t *)memory_bank = 0;
         break;
     case 'x': /* execute in RAM: bx lr, as it would be found there */
-        an500_rows[0] = 0x47704770;
+        memory_rows[0] = 0x47704770;
         __asm__ volatile("dsb\n isb" ::: "memory");
-        ((void (*)(void))((uintptr_t)an500_rows | 1u))();
+        ((void (*)(void))((uintptr_t)memory_rows | 1u))();
         break;
     case 's': /* more stack than there is */
         sink = descend(0);
@@ -40,8 +43,8 @@ int controller_main(void)
         sink = *(volatile uint32_t *)0x40004000u;
         break;
     default: /* none: all the rest works */
-        an500_rows[0] = 1;
-        sink = an500_rows[0] + an500_bank[0] + start_stack_used();
+        memory_rows[0] = 1;
+        sink = memory_rows[0] + memory_bank[0] + start_stack_used();
     }
     return 0;
 }
