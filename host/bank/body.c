@@ -44,9 +44,11 @@ int body_from_scene(const struct scene *scene, struct body *body, struct mesh_re
     *body = (struct body){.scene = *scene};
     int status = size_in_file_units(scene, &size, why);
     if (!status)
-        status = mesh_read(scene->mesh_path, size, &body->mesh, why);
+        status = scene_mesh(scene, size, &body->mesh, why);
     if (!status)
         status = mesh_check(&body->mesh, scene->allow_components, report ? report : &unused, why);
+    if (!status)
+        status = scene_intensities(scene, &body->mesh, why);
     if (!status)
         status = mesh_scale(&body->mesh, scene->extent_m, scene->unit, why);
     if (!status)

@@ -55,31 +55,72 @@ static void add_spring(struct holding *holding, size_t node, double stiffness_N_
         holding->spring[node][c] += stiffness_N_m * unit[row[c]] * unit[column[c]];
 }
 
-/* `share` on each selected vertex, and on the middles of the edges between them. */
-static int share_stiffness(const struct space *space, const struct surface *surface, const bool *inside, double share,
-                           const double unit[3], struct holding *holding, struct failure *why)
+static double area(const struct mesh *mesh, const uint32_t node[3])
 {
-    static const double PASSED_ON = 16.0 / 19; /* of 6 corners of 3/57 and 6 middles of 16/57 around a vertex */
-    unsigned *edges = calloc(surface->vertex_count + 1, sizeof *edges);
-    if (!edges)
-        return failure_set(why, STATUS_MEMORY, space->mesh->path, NULL, "no memory for the ligaments");
+    const double *p = mesh->nodes + 3 * (size_t)node[0], *q = mesh->nodes + 3 * (size_t)node[1];
+    const double *r = mesh->nodes + 3 * (size_t)node[2];
+    double sum = 0;
+    for (int a = 0, b = 1, c = 2; a < 3; a++, b = (a + 1) % 3, c = (a + 2) % 3) {
+        double normal = (q[b] - p[b]) * (r[c] - p[c]) - (q[c] - p[c]) * (r[b] - p[b]);
+        sum += normal * normal;
+    }
+    return sqrt(sum) / 2;
+}
+
+/* Whether triangle t is selected as a whole; its mesh nodes. */
+static bool selected(const struct surface *surface, size_t t, const bool *inside, uint32_t node[3])
+{
+    bool all = true;
+    for (size_t k = 0; k < 3; k++) {
+        node[k] = surface->node[surface->triangles[3 * t + k]];
+        all = all && inside[node[k]];
+    }
+    return all;
+}
+
+/* The stiffness over the selected triangles by area, lumped as a mass is (the diagonal of the mass matrix, scaled); over
+ * the selected vertices in equal parts when they span no triangle. */
+static void share_stiffness(const struct space *space, const struct surface *surface, const bool *inside,
+                            double stiffness_N_m, const double unit[3], struct holding *holding)
+{
     bool middles = space->order == ELEMENT_QUADRATIC;
-    for (int visit = 0; visit < 2; visit++) /* count the edges of each vertex, then pass on; each edge from one side */
-        for (size_t i = 0; middles && i < 3 * surface->triangle_count; i++) {
-            uint32_t a = surface->triangles[i], b = surface->triangles[i - i % 3 + (i + 1) % 3];
-            if (a > b || !inside[surface->node[a]] || !inside[surface->node[b]])
-                continue;
-            if (visit == 0) {
-                edges[a]++;
-                edges[b]++;
-            } else
-                add_spring(holding, space_middle(space, surface->node[a], surface->node[b]),
-                           PASSED_ON * share * (1.0 / edges[a] + 1.0 / edges[b]), unit);
-        }
+    double corner = middles ? 3.0 / 57 : 1.0 / 3, middle = 16.0 / 57, total = 0, vertices = 0;
+    uint32_t node[3];
+    for (size_t t = 0; t < surface->triangle_count; t++)
+        if (selected(surface, t, inside, node))
+            total += area(space->mesh, node);
     for (size_t v = 0; v < surface->vertex_count; v++)
+        vertices += inside[surface->node[v]];
+    for (size_t v = 0; v < surface->vertex_count && total == 0; v++)
         if (inside[surface->node[v]])
-            add_spring(holding, surface->node[v], edges[v] ? (1 - PASSED_ON) * share : share, unit);
-    free(edges);
+            add_spring(holding, surface->node[v], stiffness_N_m / vertices, unit);
+    for (size_t t = 0; t < surface->triangle_count && total > 0; t++) {
+        if (!selected(surface, t, inside, node))
+            continue;
+        double part = stiffness_N_m * area(space->mesh, node) / total;
+        for (int k = 0; k < 3; k++) {
+            add_spring(holding, node[k], corner * part, unit);
+            if (middles)
+                add_spring(holding, space_middle(space, node[k], node[(k + 1) % 3]), middle * part, unit);
+        }
+    }
+}
+
+/* The vertices of `inside` that no selected triangle has do not hold, when there are triangles at all. */
+static int keep_triangles(const struct mesh *mesh, const struct surface *surface, bool *inside, struct failure *why)
+{
+    bool *kept = calloc(mesh->node_count + 1, sizeof *kept), any = false;
+    uint32_t node[3];
+    if (!kept)
+        return failure_set(why, STATUS_MEMORY, mesh->path, NULL, "no memory for the ligaments");
+    for (size_t t = 0; t < surface->triangle_count; t++)
+        if (selected(surface, t, inside, node)) {
+            any = true;
+            kept[node[0]] = kept[node[1]] = kept[node[2]] = true;
+        }
+    if (any)
+        memcpy(inside, kept, mesh->node_count * sizeof *inside);
+    free(kept);
     return STATUS_OK;
 }
 
@@ -110,15 +151,15 @@ static int tie(const struct scene *scene, const struct space *space, const struc
         if (!holding->spring)
             holding->spring = calloc(space->node_count, sizeof *holding->spring);
         double unit[3] = {d[0] / length, d[1] / length, d[2] / length};
-        double share = ligament->stiffness_N_m / (double)vertices;
         if (!holding->spring)
             return failure_set(why, STATUS_MEMORY, place, NULL, "no memory for the ligaments");
+        status = keep_triangles(mesh, surface, inside, why);
+        if (status)
+            return status;
         for (size_t v = 0; v < surface->vertex_count; v++)
             if (inside[surface->node[v]] && !hold(holding, surface->node[v], unit))
                 return failure_set(why, STATUS_MEMORY, place, NULL, "no memory for the ligaments");
-        status = share_stiffness(space, surface, inside, share, unit, holding, why);
-        if (status)
-            return status;
+        share_stiffness(space, surface, inside, ligament->stiffness_N_m, unit, holding);
     }
     return STATUS_OK;
 }

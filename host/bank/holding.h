@@ -17,10 +17,10 @@ struct holding {
     size_t supports, room;
 };
 
-/* From the scene. The middle of an edge is fixed in a component when both ends are. A ligament's stiffness is shared
- * equally by the surface vertices that it selects; in P2 a vertex passes 16/19 of its share on, in equal parts, to the
- * middles of the surface edges that lead to other selected vertices, as a lumped mass is (the diagonal of the mass
- * matrix, scaled): the corner of a quadratic triangle carries next to nothing of a uniform traction. `place` is named in
+/* From the scene. The middle of an edge is fixed in a component when both ends are. A ligament's stiffness is the
+ * total of springs k n (x) n spread evenly over the surface triangles whose three vertices it selects; a triangle's part
+ * goes to its nodes as a lumped mass does (the diagonal of the mass matrix, scaled): a third to each corner in P1, 3/57 to
+ * each corner and 16/57 to each middle in P2. Vertices that span no triangle (points, a line) share it equally. `place` is named in
  * messages. Free with holding_free, also after a failure. */
 int holding_find(const struct scene *scene, const struct space *space, const struct surface *surface, const char *place,
                  struct holding *holding, struct failure *why);

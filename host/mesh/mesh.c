@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "crc.h"
+#include "mesh_data.h"
 #include "mesh_readers.h"
 #include "progress.h"
 
@@ -152,18 +153,32 @@ static int dispatch(struct scan *s, double surface_size, struct mesh *mesh)
 
 int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct failure *why)
 {
+    return mesh_read_data(path, surface_size, NULL, 0, mesh, why);
+}
+
+int mesh_read_data(const char *path, double surface_size, const char *const *name, size_t names, struct mesh *mesh,
+                   struct failure *why)
+{
     unsigned char *bytes;
     size_t length;
     *mesh = (struct mesh){0};
+    for (size_t i = 0; i < names; i++)
+        if (!mesh_data_want(mesh, name[i])) {
+            mesh_free(mesh);
+            return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the arrays of the mesh");
+        }
     int status = file_load(path, &bytes, &length, why);
-    if (status)
+    if (status) {
+        mesh_free(mesh);
         return status;
+    }
     struct scan s = scan_start(path, bytes, length, why);
     status = dispatch(&s, surface_size, mesh);
     if (mesh->file_hash == 0) /* TetGen's reader has taken both files */
         mesh->file_hash = crc32_update(0, bytes, length);
     snprintf(mesh->path, sizeof mesh->path, "%s", path);
     free(bytes);
+    mesh_data_settle(mesh);
     if (status)
         mesh_free(mesh);
     return status;
@@ -217,5 +232,6 @@ void mesh_free(struct mesh *mesh)
     free(mesh->tetrahedra);
     free(mesh->labels);
     free(mesh->label);
+    mesh_data_free(mesh);
     *mesh = (struct mesh){0};
 }

@@ -14,6 +14,13 @@ struct mesh_label {
     char name[64]; /* physical group, Vega set or region; "" when the file has only numbers */
 };
 
+/* Numbers that the mesh file has for each node beside its place; NaN where it has none. */
+struct mesh_data {
+    char name[64];
+    size_t components, nodes; /* nodes it has values for: all of the mesh once it is read */
+    double *value;            /* `components` per node; NULL: the file has no such array */
+};
+
 struct mesh {
     size_t node_count;
     double *nodes; /* 3 per node */
@@ -22,6 +29,8 @@ struct mesh {
     int32_t *labels;      /* 1 per element; 0 when the file has none */
     size_t label_count;   /* distinct labels that occur in `labels` */
     struct mesh_label *label;
+    size_t data_count;
+    struct mesh_data *data;  /* as mesh_read_data was asked for */
     uint32_t file_hash;      /* CRC-32 of the file's bytes (of both files for TetGen, .node then .ele) */
     char path[1024];         /* as given */
     size_t ignored_elements; /* points, lines, triangles and quadrangles that the file has beside its tetrahedra */
@@ -66,6 +75,12 @@ enum mesh_unit { MESH_UNIT_NONE, MESH_UNIT_M, MESH_UNIT_CM, MESH_UNIT_MM };
  * keep the surface's own triangles). The format follows from the content where it can, else the extension. Errors name
  * the file and the line (text) or the byte (binary). */
 int mesh_read(const char *path, double surface_size, struct mesh *mesh, struct failure *why);
+
+/* The same, with the arrays of node data of these names (at most 63 bytes each): POINT_DATA of VTK files, $NodeData of
+ * Gmsh files of version 2 and later. An array that the file lacks is no error here. mesh_check drops and merges values
+ * with their nodes; of nodes at one place the first one's stay. */
+int mesh_read_data(const char *path, double surface_size, const char *const *name, size_t names, struct mesh *mesh,
+                   struct failure *why);
 
 /* Repair what can be repaired without changing the body (orientation, duplicate and unused nodes, duplicate elements),
  * measure, and judge: returns STATUS_OK, or the first reason for which the mesh cannot be used. `report` is filled in

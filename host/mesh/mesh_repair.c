@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mesh_data.h"
+
 const unsigned char edge_ends[6][2] = {{0, 1}, {0, 2}, {0, 3}, {1, 2}, {1, 3}, {2, 3}};
 
 double tetrahedron_volume(const struct mesh *mesh, size_t e)
@@ -134,12 +136,15 @@ static void drop_unused(struct mesh *mesh, uint32_t *to, size_t *dropped)
         if (to[i] == UINT32_MAX)
             continue;
         memmove(mesh->nodes + 3 * kept, mesh->nodes + 3 * i, 3 * sizeof *mesh->nodes);
+        mesh_data_move(mesh, i, kept);
         to[i] = (uint32_t)kept++;
     }
     for (size_t i = 0; i < 4 * mesh->tetrahedron_count; i++)
         mesh->tetrahedra[i] = to[mesh->tetrahedra[i]];
     *dropped = n - kept;
     mesh->node_count = kept;
+    for (size_t i = 0; i < mesh->data_count; i++)
+        mesh->data[i].nodes = mesh->data[i].value ? kept : 0;
 }
 
 int mesh_repair(struct mesh *mesh, struct mesh_report *report, struct failure *why)

@@ -312,6 +312,8 @@ static int read_section(struct gmsh *g, const char *name)
         return read_names(g);
     if (strcmp(name, "$Entities") == 0 && g->generation == 4 && !g->volume)
         return gmsh4_entities(g);
+    if (strcmp(name, "$NodeData") == 0 && g->build.mesh->data_count)
+        return gmsh_node_data(g);
     return skip_section(g, name);
 }
 

@@ -29,6 +29,9 @@ int gmsh_finish_nodes(struct gmsh *g);
 /* Binary sections: from the end of a line that holds only the section's name to the bytes after it, and back. */
 int gmsh_begin_binary(struct gmsh *g);
 
+/* $NodeData, of any generation with a $MeshFormat: kept when the mesh wants an array of its name. */
+int gmsh_node_data(struct gmsh *g);
+
 int gmsh4_entities(struct gmsh *g);
 int gmsh4_nodes(struct gmsh *g);
 int gmsh4_elements(struct gmsh *g);

@@ -4,11 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mesh_data.h"
 #include "mesh_readers.h"
 #include "vtk_values.h"
 
 struct vtk {
     struct scan *s;
+    struct mesh *mesh;
     bool binary;
     size_t node_count, cell_count, connectivity_count, type_count;
     double *points, *connectivity, *end, *type;
@@ -126,6 +128,18 @@ static int read_cells(struct vtk *v)
     return STATUS_OK;
 }
 
+/* Take or free the values of an array of `count` tuples. */
+static int keep(struct vtk *v, const char *name, size_t components, double *values, size_t count)
+{
+    struct mesh_data *data = v->of_cells ? NULL : mesh_data_wanted(v->mesh, name);
+    bool good = !data || data->value || count != v->node_count || mesh_data_append(data, components, values, count);
+    if (components == 1 && v->of_cells && count == v->data_count)
+        vtk_offer_label(&v->label, name, values, count);
+    else
+        free(values);
+    return good ? STATUS_OK : scan_fail(v->s, STATUS_MEMORY, "no memory for the data of %zu nodes", count);
+}
+
 static int read_scalars(struct vtk *v)
 {
     struct scan *s = v->s;
@@ -143,11 +157,7 @@ static int read_scalars(struct vtk *v)
         status = read_array(v, type, v->data_count * (uint64_t)components, false, &values);
     if (status)
         return status;
-    if (components == 1 && v->of_cells)
-        vtk_offer_label(&v->label, name, values, v->data_count);
-    else
-        free(values);
-    return STATUS_OK;
+    return keep(v, name, (size_t)components, values, v->data_count);
 }
 
 static int read_field(struct vtk *v)
@@ -170,18 +180,14 @@ static int read_field(struct vtk *v)
             status = scan_word(s, type, sizeof type, "the type of an array");
         if (status == STATUS_OK)
             status = read_array(v, type, (uint64_t)components * (uint64_t)count, false, &values);
-        if (status)
-            return status;
-        if (components == 1 && v->of_cells && (size_t)count == v->data_count)
-            vtk_offer_label(&v->label, name, values, v->data_count);
-        else
-            free(values);
+        if (status == STATUS_OK)
+            status = keep(v, name, (size_t)components, values, (size_t)count);
     }
     return status;
 }
 
 /* Arrays that carry no label: name, type, then `components` numbers each. */
-static int skip_data(struct vtk *v, uint64_t components)
+static int read_data(struct vtk *v, size_t components)
 {
     char name[80], type[32];
     double *values;
@@ -189,10 +195,8 @@ static int skip_data(struct vtk *v, uint64_t components)
     if (status == STATUS_OK)
         status = scan_word(v->s, type, sizeof type, "the type of the data");
     if (status == STATUS_OK)
-        status = read_array(v, type, v->data_count * components, false, &values);
-    if (status == STATUS_OK)
-        free(values);
-    return status;
+        status = read_array(v, type, v->data_count * (uint64_t)components, false, &values);
+    return status ? status : keep(v, name, components, values, v->of_cells ? 0 : v->data_count);
 }
 
 static int read_keyword(struct vtk *v, const char *word, bool surface, bool *known)
@@ -220,11 +224,11 @@ static int read_keyword(struct vtk *v, const char *word, bool surface, bool *kno
     if (strcmp(word, "FIELD") == 0)
         return read_field(v);
     if (strcmp(word, "VECTORS") == 0 || strcmp(word, "NORMALS") == 0)
-        return skip_data(v, 3);
+        return read_data(v, 3);
     if (strcmp(word, "TENSORS") == 0)
-        return skip_data(v, 9);
+        return read_data(v, 9);
     if (strcmp(word, "GLOBAL_IDS") == 0 || strcmp(word, "PEDIGREE_IDS") == 0)
-        return skip_data(v, 1);
+        return read_data(v, 1);
     if (strcmp(word, "METADATA") == 0) { /* lines up to an empty one */
         scan_next_line(s);
         while (scan_more_on_line(s))
@@ -290,7 +294,7 @@ static void vtk_release(struct vtk *v)
 
 int read_vtk(struct scan *s, struct mesh *mesh, struct soup *soup, bool *is_surface)
 {
-    struct vtk v = {.s = s};
+    struct vtk v = {.s = s, .mesh = mesh};
     struct build build = {.mesh = mesh};
     char dataset[32] = "";
     int status = read_head(&v, dataset);

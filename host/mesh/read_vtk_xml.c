@@ -6,12 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mesh_data.h"
 #include "mesh_readers.h"
 #include "vtk_xml_data.h"
 
-enum section { NO_SECTION, POINTS, CELLS, CELL_DATA, POLYS, STRIPS, SECTIONS };
+enum section { NO_SECTION, POINTS, CELLS, CELL_DATA, POINT_DATA, POLYS, STRIPS, SECTIONS };
 
-static const char *const section_name[SECTIONS] = {"", "Points", "Cells", "CellData", "Polys", "Strips"};
+static const char *const section_name[SECTIONS] = {"", "Points", "Cells", "CellData", "PointData", "Polys", "Strips"};
 
 struct piece {
     uint64_t points, cells, polys, strips;
@@ -135,7 +136,7 @@ static void start_array(struct document *d, const char **list)
     n->offset = n->appended ? number(d, list, "offset") : 0;
     if (!n->appended && n->array.form == XML_TEXT && *format && strcmp(format, "ascii") != 0)
         stop(d, STATUS_MESH_SYNTAX, "the format of an array is \"%.40s\"", format);
-    if (n->array.type == VTK_NONE && d->section != CELL_DATA)
+    if (n->array.type == VTK_NONE && d->section != CELL_DATA && d->section != POINT_DATA)
         stop(d, STATUS_MESH_SYNTAX, "the type of an array is \"%.40s\"", attribute(list, "type"));
     d->in_array = true;
     d->noted_count++;
@@ -264,6 +265,28 @@ static int fetch_label(struct document *d, const struct piece *p, struct vtk_lab
     return STATUS_OK;
 }
 
+/* The wanted arrays of node data of a piece. */
+static int fetch_data(struct document *d, const struct piece *p, struct mesh *mesh)
+{
+    for (size_t i = p->first; i < p->first + p->count; i++) {
+        const struct noted *n = &d->noted[i];
+        double *values;
+        size_t count;
+        struct mesh_data *data = n->section == POINT_DATA ? mesh_data_wanted(mesh, n->array.name) : NULL;
+        if (!data || n->array.type == VTK_NONE || n->array.components > 9)
+            continue;
+        int status =
+            xml_numbers(d->s, &n->array, &d->encoding, (size_t)p->points * n->array.components, false, &values, &count);
+        if (status)
+            return status;
+        bool good = mesh_data_append(data, n->array.components, values, (size_t)p->points);
+        free(values);
+        if (!good)
+            return scan_fail(d->s, STATUS_MEMORY, "no memory for the data of %zu nodes", (size_t)p->points);
+    }
+    return STATUS_OK;
+}
+
 /* Decoded arrays of a piece. */
 struct decoded {
     double *points, *connectivity, *end, *type;
@@ -290,6 +313,8 @@ static int add_volume(struct document *d, const struct piece *p, struct build *b
     int status = decode(d, p, CELLS, p->cells, a);
     if (status == STATUS_OK)
         status = fetch_label(d, p, &a->label);
+    if (status == STATUS_OK)
+        status = fetch_data(d, p, mesh);
     if (status == STATUS_OK)
         status = build_nodes(build, d->s, (size_t)p->points);
     if (status)

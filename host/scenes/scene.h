@@ -59,6 +59,9 @@ struct scene_material {
     double E_Pa, nu;                      /* when isotropic */
     struct scene_orthotropic orthotropic; /* when not; transverse: L = 1, T = 2 and 3 */
     double along[3], across[3];           /* unit vectors along the axes 1 and, orthotropic only, 2 */
+    char along_array[64];                 /* node data of the mesh that has `along`, "" when it is given */
+    bool by_intensity;                    /* only elements whose mean intensity is in [low, high) */
+    double intensity[2];
     double rho_kg_m3;
     long line;
 };
@@ -69,7 +72,7 @@ struct scene_fixed {
 };
 
 struct scene_ligament {
-    struct selection where; /* the spring's stiffness is shared equally by the selected surface vertices */
+    struct selection where; /* the spring's stiffness is spread over the selected surface triangles by area */
     double stiffness_N_m;
     double direction[3]; /* unit vector */
 };
@@ -95,6 +98,9 @@ struct scene {
     double surface_size_m; /* element size when the mesh is a surface; 0: keep */
     enum element_order order;
     bool allow_components;
+    char intensity_array[64];  /* node data by which materials are told apart; "" when none */
+    char intensity_path[1024]; /* CSV file that has it, "" when the mesh does; resolved as mesh_path is */
+    long intensity_line;
     size_t material_count, fixed_count, ligament_count, instrument_count;
     struct scene_material material[SCENE_MAX_MATERIALS];
     struct scene_fixed fixed[SCENE_MAX_FIXED];
@@ -145,9 +151,19 @@ double scene_ray(const struct mesh *mesh, const struct surface *surface, const d
 int scene_select(const struct selection *selection, const struct scene *scene, const struct mesh *mesh,
                  const struct surface *surface, bool *inside, size_t *count, struct failure *why);
 
+/* The mesh of a scene with the node data that its materials need: mesh_read_data. `size` is in file units. */
+int scene_mesh(const struct scene *scene, double size, struct mesh *mesh, struct failure *why);
+
+/* Intensities from the scene's CSV file, if it names one, into the node data of a mesh that is checked and not yet scaled.
+ * Columns x, y, z (in the units of the mesh file) and one with the array's name; a row belongs to the node that stands at
+ * its place, to 1e-5 of the extent. Rows for no node are ignored. */
+int scene_intensities(const struct scene *scene, struct mesh *mesh, struct failure *why);
+
 /* Materials by element: index into scene->material, one per tetrahedron (caller's array). A material's label is a
- * label's name or number; a specific one wins over "all". Labels without a material are STATUS_MODEL_LABEL; a material
- * whose label the mesh lacks, or two materials for one label, STATUS_SCENE_VALUE. */
+ * label's name or number; a specific one wins over "all", and among those with the same label one with a range that holds
+ * the mean of the intensities at the element's four vertices wins over one without. Elements without a material are
+ * STATUS_MODEL_LABEL; a material whose label the mesh lacks, or two materials for one element, STATUS_SCENE_VALUE; a vertex
+ * without intensity STATUS_MODEL_DATA. */
 int scene_materials(const struct scene *scene, const struct mesh *mesh, uint8_t *material_of, struct failure *why);
 
 /* The virtual coupling of an instrument at its device. Passive at T = 1 ms while K <= min(2 (b - B)/T, 2 f_c/D)

@@ -90,23 +90,21 @@ static void selection(struct tree *t, tree_node map, const char *name, struct se
     }
 }
 
-/* file: relative to the folder of the scene. */
-static void mesh_file(struct tree *t, tree_node node, struct scene *scene)
+void scene_file(struct tree *t, tree_node node, char *path, size_t size)
 {
-    char file[sizeof scene->mesh_path] = "";
+    char file[1024] = "";
     tree_text(t, node, "file", file, sizeof file);
     const char *slash = strrchr(t->path, '/');
     int folder = file[0] != '/' && slash ? (int)(slash - t->path) + 1 : 0;
-    int length = snprintf(scene->mesh_path, sizeof scene->mesh_path, "%.*s%s", folder, t->path, file);
-    tree_require(t, node, (size_t)length < sizeof scene->mesh_path, "file: the path is longer than %zu bytes",
-                 sizeof scene->mesh_path - 1);
+    int length = snprintf(path, size, "%.*s%s", folder, t->path, file);
+    tree_require(t, node, (size_t)length < size, "file: the path is longer than %zu bytes", size - 1);
 }
 
 static void mesh(struct tree *t, tree_node map, struct scene *scene)
 {
     if (!tree_map(t, map, "mesh", KEYS("file", "extent", "unit", "size", "order")))
         return;
-    mesh_file(t, tree_need(t, map, "mesh", "file"), scene);
+    scene_file(t, tree_need(t, map, "mesh", "file"), scene->mesh_path, sizeof scene->mesh_path);
     tree_node extent = tree_find(t, map, "extent"), unit = tree_find(t, map, "unit"), size = tree_find(t, map, "size");
     if (!extent && !unit)
         tree_fail(t, map, STATUS_SCENE_MISSING, "add extent: LENGTH (of the longest side) or unit: m, cm or mm",
@@ -169,9 +167,10 @@ static void ligaments(struct tree *t, tree_node list, struct scene *scene)
 
 void scene_body(struct tree *t, tree_node map, struct scene *scene)
 {
-    if (!tree_map(t, map, "body", KEYS("mesh", "materials", "fixed", "ligaments", "allow_components")))
+    if (!tree_map(t, map, "body", KEYS("mesh", "intensities", "materials", "fixed", "ligaments", "allow_components")))
         return;
     mesh(t, tree_need(t, map, "body", "mesh"), scene);
+    scene_intensity_source(t, tree_find(t, map, "intensities"), scene);
     scene_material_list(t, tree_need(t, map, "body", "materials"), scene);
     fixed(t, tree_find(t, map, "fixed"), scene);
     ligaments(t, tree_find(t, map, "ligaments"), scene);

@@ -49,7 +49,13 @@ static void orthotropic(struct tree *t, tree_node map, struct scene_material *m)
 static void directions(struct tree *t, tree_node map, struct scene_material *m)
 {
     tree_node across = tree_find(t, map, "across");
-    tree_direction(t, tree_need(t, map, "material", "along"), "along", m->along);
+    tree_node along = tree_need(t, map, "material", "along");
+    if (along && along->type == YAML_MAPPING_NODE) {
+        if (tree_map(t, along, "along", KEYS("array")))
+            tree_text(t, tree_need(t, along, "along", "array"), "array", m->along_array, sizeof m->along_array);
+    } else {
+        tree_direction(t, along, "along", m->along);
+    }
     if (m->symmetry != SYMMETRY_ORTHOTROPIC) {
         if (across)
             tree_fail(t, across, STATUS_SCENE_KEY, "remove it", "across belongs to orthotropic materials");
@@ -57,7 +63,9 @@ static void directions(struct tree *t, tree_node map, struct scene_material *m)
     }
     tree_direction(t, tree_need(t, map, "material", "across"), "across", m->across);
     double cosine = m->along[0] * m->across[0] + m->along[1] * m->across[1] + m->along[2] * m->across[2];
-    tree_require(t, across, fabs(cosine) < 0.0175, /* 1 degree: decimals of a direction, not another direction */
+    tree_require(t, across,
+                 *m->along_array ||
+                     fabs(cosine) < 0.0175, /* 1 degree: decimals of a direction, not another direction */
                  "along and across are %.1f degrees apart: they must be square", acos(cosine) * 180 / M_PI);
 }
 
@@ -94,6 +102,39 @@ static void elasticity(struct tree *t, tree_node map, struct scene_material *m)
     }
 }
 
+void scene_intensity_source(struct tree *t, tree_node map, struct scene *scene)
+{
+    if (!map || !tree_map(t, map, "intensities", KEYS("array", "file")))
+        return;
+    tree_node file = tree_find(t, map, "file");
+    scene->intensity_line = tree_line(map);
+    tree_text(t, tree_need(t, map, "intensities", "array"), "array", scene->intensity_array,
+              sizeof scene->intensity_array);
+    if (file)
+        scene_file(t, file, scene->intensity_path, sizeof scene->intensity_path);
+}
+
+static void intensity(struct tree *t, tree_node node, const struct scene *scene, struct scene_material *m)
+{
+    if (!node)
+        return;
+    if (!*scene->intensity_array)
+        tree_fail(t, node, STATUS_SCENE_MISSING, "add intensities: {array: NAME} to the body",
+                  "a material has an intensity, but the body has no intensities");
+    m->by_intensity = true;
+    tree_range(t, node, "intensity", DIMENSION_NUMBER, m->intensity);
+    tree_require(t, node, m->intensity[0] < m->intensity[1], "intensity = %g..%g: the first must be below the second",
+                 m->intensity[0], m->intensity[1]);
+}
+
+/* Both may be the material of one element. */
+static bool collide(const struct scene_material *a, const struct scene_material *b)
+{
+    if (strcmp(a->label, b->label) != 0 || a->by_intensity != b->by_intensity)
+        return false;
+    return !a->by_intensity || (a->intensity[0] < b->intensity[1] && b->intensity[0] < a->intensity[1]);
+}
+
 void scene_material_list(struct tree *t, tree_node list, struct scene *scene)
 {
     size_t count = tree_list(t, list, "materials", SCENE_MAX_MATERIALS);
@@ -101,17 +142,18 @@ void scene_material_list(struct tree *t, tree_node list, struct scene *scene)
     for (size_t i = 0; i < count; i++) {
         tree_node map = tree_item(t, list, i);
         if (!tree_map(t, map, "material",
-                      KEYS("label", "E", "nu", "transverse", "orthotropic", "along", "across", "rho")))
+                      KEYS("label", "intensity", "E", "nu", "transverse", "orthotropic", "along", "across", "rho")))
             return;
         struct scene_material *m = &scene->material[i];
         *m = (struct scene_material){.label = "all", .line = tree_line(map)};
         tree_text(t, tree_find(t, map, "label"), "label", m->label, sizeof m->label);
+        intensity(t, tree_find(t, map, "intensity"), scene, m);
         elasticity(t, map, m);
         scene_bounded(t, tree_need(t, map, "material", "rho"), "rho", DIMENSION_DENSITY, 1e-3, 1e5, " kg/m3",
                       &m->rho_kg_m3);
         for (size_t j = 0; j < i; j++)
-            tree_require(t, map, strcmp(m->label, scene->material[j].label) != 0,
-                         "label '%s' has a material already, in line %ld", m->label, scene->material[j].line);
+            tree_require(t, map, !collide(m, &scene->material[j]), "label '%s' has a material already%s, in line %ld",
+                         m->label, m->by_intensity ? " for a part of these intensities" : "", scene->material[j].line);
     }
     scene->material_count = count;
 }

@@ -99,7 +99,12 @@ static void law(FILE *out, const struct scene_material *m)
         triple(out, ", nu: ", o->nu, DIMENSION_NUMBER);
         break;
     }
-    vector(out, "}, along: ", m->along);
+    if (*m->along_array) {
+        word(out, "}, along: {array: ", m->along_array);
+        fputc('}', out);
+    } else {
+        vector(out, "}, along: ", m->along);
+    }
     if (m->symmetry == SYMMETRY_ORTHOTROPIC)
         vector(out, ", across: ", m->across);
 }
@@ -114,9 +119,20 @@ static void body(FILE *out, const struct scene *scene)
         fprintf(out, ", unit: %s", unit_name[scene->unit]);
     if (scene->surface_size_m > 0)
         quantity(out, ", size: ", scene->surface_size_m, DIMENSION_LENGTH);
-    fprintf(out, ", order: %s}\n  materials:\n", scene->order == ELEMENT_QUADRATIC ? "quadratic" : "linear");
+    fprintf(out, ", order: %s}\n", scene->order == ELEMENT_QUADRATIC ? "quadratic" : "linear");
+    if (*scene->intensity_array) {
+        word(out, "  intensities: {array: ", scene->intensity_array);
+        if (*scene->intensity_path)
+            word(out, ", file: ", scene->intensity_path);
+        fputs("}\n", out);
+    }
+    fputs("  materials:\n", out);
     for (size_t i = 0; i < scene->material_count; i++) {
         word(out, "    - {label: ", scene->material[i].label);
+        if (scene->material[i].by_intensity) {
+            quantity(out, ", intensity: ", scene->material[i].intensity[0], DIMENSION_NUMBER);
+            quantity(out, "..", scene->material[i].intensity[1], DIMENSION_NUMBER);
+        }
         law(out, &scene->material[i]);
         quantity(out, ", rho: ", scene->material[i].rho_kg_m3, DIMENSION_DENSITY);
         fputs("}\n", out);

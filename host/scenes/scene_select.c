@@ -1,15 +1,15 @@
-#include "scene.h"
-
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const char *place_of(const struct scene *scene)
+#include "scene_keys.h"
+
+const char *scene_place(const struct scene *scene)
 {
     return scene->path[0] ? scene->path : "the assumed scene";
 }
 
-static bool label_matches(const struct mesh_label *label, const char *text)
+bool scene_label_matches(const struct mesh_label *label, const char *text)
 {
     if (label->name[0] && strcmp(label->name, text) == 0)
         return true;
@@ -18,8 +18,7 @@ static bool label_matches(const struct mesh_label *label, const char *text)
     return end != text && !*end && number == label->number;
 }
 
-/* "3 'tumour', 4" for messages. */
-static void list_labels(const struct mesh *mesh, char *text, size_t size)
+void scene_list_labels(const struct mesh *mesh, char *text, size_t size)
 {
     size_t used = 0;
     text[0] = 0;
@@ -96,7 +95,7 @@ static int select_label(const struct selection *s, const struct scene *scene, co
 {
     bool known = false;
     for (size_t i = 0; i < mesh->label_count; i++) {
-        if (!label_matches(&mesh->label[i], s->label))
+        if (!scene_label_matches(&mesh->label[i], s->label))
             continue;
         known = true;
         for (size_t e = 0; e < mesh->tetrahedron_count; e++)
@@ -106,8 +105,8 @@ static int select_label(const struct selection *s, const struct scene *scene, co
     if (known)
         return STATUS_OK;
     char labels[200];
-    list_labels(mesh, labels, sizeof labels);
-    return failure_at(why, STATUS_SCENE_SELECTION, place_of(scene), s->line, "name a label of the mesh",
+    scene_list_labels(mesh, labels, sizeof labels);
+    return failure_at(why, STATUS_SCENE_SELECTION, scene_place(scene), s->line, "name a label of the mesh",
                       "the mesh has no label '%s'; it has: %s", s->label, labels);
 }
 
@@ -152,67 +151,7 @@ int scene_select(const struct selection *selection, const struct scene *scene, c
         *count += inside[n];
     if (*count)
         return STATUS_OK;
-    return failure_at(why, STATUS_SCENE_SELECTION, place_of(scene), selection->line, NULL,
+    return failure_at(why, STATUS_SCENE_SELECTION, scene_place(scene), selection->line, NULL,
                       "%s holds no node; the body spans [%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g] m",
                       name[selection->kind], low[0], low[1], low[2], high[0], high[1], high[2]);
-}
-
-/* Which material a label gets: index, or -1. */
-static int material_for(const struct scene *scene, const struct mesh_label *label, int *second)
-{
-    int all = -1, specific = -1;
-    *second = -1;
-    for (size_t m = 0; m < scene->material_count; m++) {
-        if (strcmp(scene->material[m].label, "all") == 0)
-            all = (int)m;
-        else if (label_matches(label, scene->material[m].label)) {
-            if (specific >= 0)
-                *second = (int)m;
-            else
-                specific = (int)m;
-        }
-    }
-    return specific >= 0 ? specific : all;
-}
-
-int scene_materials(const struct scene *scene, const struct mesh *mesh, uint8_t *material_of, struct failure *why)
-{
-    enum { NONE = UINT8_MAX };
-    _Static_assert((int)SCENE_MAX_MATERIALS < (int)NONE, "a material's number fits beside NONE");
-    char labels[200];
-    memset(material_of, NONE, mesh->tetrahedron_count);
-    for (size_t m = 0; m < scene->material_count; m++) {
-        bool occurs = strcmp(scene->material[m].label, "all") == 0;
-        for (size_t i = 0; i < mesh->label_count && !occurs; i++)
-            occurs = label_matches(&mesh->label[i], scene->material[m].label);
-        if (occurs)
-            continue;
-        list_labels(mesh, labels, sizeof labels);
-        return failure_at(why, STATUS_SCENE_VALUE, place_of(scene), scene->material[m].line,
-                          "name a label of the mesh, or all", "material for label '%s', but the mesh has only: %s",
-                          scene->material[m].label, labels);
-    }
-    for (size_t i = 0; i < mesh->label_count; i++) {
-        const struct mesh_label *label = &mesh->label[i];
-        int second, material = material_for(scene, label, &second);
-        if (second >= 0)
-            return failure_at(why, STATUS_SCENE_VALUE, place_of(scene), scene->material[second].line,
-                              "keep one of them", "label %d '%s' has two materials, '%s' and '%s'", (int)label->number,
-                              label->name, scene->material[material].label, scene->material[second].label);
-        size_t elements = 0;
-        for (size_t e = 0; e < mesh->tetrahedron_count; e++) {
-            if (mesh->labels[e] != label->number)
-                continue;
-            elements++;
-            material_of[e] = material < 0 ? 0 : (uint8_t)material;
-        }
-        if (material < 0)
-            return failure_at(why, STATUS_MODEL_LABEL, place_of(scene), scene->material[0].line, NULL,
-                              "%zu elements with label %d%s%s%s have no material", elements, (int)label->number,
-                              label->name[0] ? " '" : "", label->name, label->name[0] ? "'" : "");
-    }
-    for (size_t e = 0; e < mesh->tetrahedron_count; e++)
-        if (material_of[e] == NONE)
-            return failure_at(why, STATUS_MODEL_LABEL, place_of(scene), 0, NULL, "element %zu has no material", e);
-    return STATUS_OK;
 }

@@ -230,6 +230,43 @@ static void ligament_keeps_its_stiffness(void **state)
     specimen_free(&s);
 }
 
+/* Spread by area: on a face with small triangles at one end and large ones at the other the resultant of a uniform
+ * motion passes through the middle of the face, not through the mean of its nodes (here at a third). */
+static void ligament_pulls_at_the_middle_of_its_patch(void **state)
+{
+    (void)state;
+    for (int order = 0; order < 2; order++) {
+        struct specimen s;
+        specimen_block(&s, 5, 3, 3, 0.1, 0.1, 0.1);
+        for (size_t n = 0; n < s.mesh.node_count; n++)
+            s.mesh.nodes[3 * n] *= s.mesh.nodes[3 * n] / 0.1;
+        specimen_material(&s, "all", 4000, 0.45);
+        for (int a = 0; a < 3; a++) {
+            s.scene.ligament[a].where = a == 2 ? box(0, 0, 0, 1, 1, 0) : box(0, 0, 0, 1, 1, 1);
+            s.scene.ligament[a].stiffness_N_m = 300;
+            s.scene.ligament[a].direction[a] = 1;
+        }
+        s.scene.ligament_count = 3;
+        s.scene.order = order ? ELEMENT_QUADRATIC : ELEMENT_LINEAR;
+        specimen_model(&s);
+        size_t n = model_unknowns(s.model);
+        double *u = room(n * sizeof *u), *f = room(n * sizeof *f), moment = 0;
+        for (size_t i = 2; i < n; i += 3)
+            u[i] = 1;
+        model_multiply(s.model, u, f); /* a translation: the springs alone answer */
+        for (size_t i = 2; i < n; i += 3) {
+            double x[3];
+            position(&s.model->space, i / 3, x);
+            moment += x[0] * f[i];
+        }
+        print_message("# order %d: resultant at x = %.12g m\n", order + 1, moment / 300);
+        assert_true(fabs(moment / 300 / 0.05 - 1) < 1e-12); /* element forces of 1 kN/m cancel */
+        free(u);
+        free(f);
+        specimen_free(&s);
+    }
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -238,6 +275,7 @@ int main(void)
         cmocka_unit_test(pure_bending_is_in_equilibrium_to_rounding),
         cmocka_unit_test(forces_on_vertices_are_statically_point_forces),
         cmocka_unit_test(ligament_keeps_its_stiffness),
+        cmocka_unit_test(ligament_pulls_at_the_middle_of_its_patch),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

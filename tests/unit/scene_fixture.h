@@ -88,6 +88,8 @@ static inline void same_scene(const struct scene *p, const struct scene *q)
     assert_true(p->extent_m == q->extent_m && p->surface_size_m == q->surface_size_m);
     assert_int_equal(p->unit, q->unit);
     assert_int_equal(p->allow_components, q->allow_components);
+    assert_string_equal(p->intensity_array, q->intensity_array);
+    assert_string_equal(p->intensity_path, q->intensity_path);
     assert_int_equal(p->material_count, q->material_count);
     for (size_t i = 0; i < p->material_count; i++) {
         assert_string_equal(p->material[i].label, q->material[i].label);
@@ -97,6 +99,9 @@ static inline void same_scene(const struct scene *p, const struct scene *q)
         assert_memory_equal(&p->material[i].orthotropic, &q->material[i].orthotropic,
                             sizeof p->material[i].orthotropic);
         assert_memory_equal(p->material[i].along, q->material[i].along, sizeof p->material[i].along);
+        assert_string_equal(p->material[i].along_array, q->material[i].along_array);
+        assert_int_equal(p->material[i].by_intensity, q->material[i].by_intensity);
+        assert_memory_equal(p->material[i].intensity, q->material[i].intensity, sizeof p->material[i].intensity);
         assert_memory_equal(p->material[i].across, q->material[i].across, sizeof p->material[i].across);
     }
     assert_int_equal(p->fixed_count, q->fixed_count);

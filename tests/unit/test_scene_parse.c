@@ -109,7 +109,7 @@ static const struct fault faults[] = {
     /* keys */
     {"contact:", "kontakt:", STATUS_SCENE_KEY, 28, "did you mean 'contact'?"},
     {"    force_limit", "    force_limits", STATUS_SCENE_KEY, 26, "did you mean 'force_limit'?"},
-    {"rho: 1.1", "density: 1.1", STATUS_SCENE_KEY, 6, "known here: label, E, nu, transverse"},
+    {"rho: 1.1", "density: 1.1", STATUS_SCENE_KEY, 6, "unknown key 'density' in material"},
     {"stiffness: 200 N/m", "stifness: 200 N/m", STATUS_SCENE_KEY, 16, "did you mean 'stiffness'?"},
     {"share: 2.5 %}", "share: 2.5 %, near: [0, 0, 0]}", STATUS_SCENE_KEY, 14, "unknown key 'near'"},
     {"nu: 0.45,", "nu: 0.45, nu: 0.45,", STATUS_SCENE_KEY, 5, "twice"},
