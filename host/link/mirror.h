@@ -1,0 +1,71 @@
+/* The host's own controller: the same objects on the same bank, run on the frames that pass on the bus. It computes what the
+ * real one computes, bit for bit, so the host holds the controller's whole state (every contact of every tick) at no
+ * bandwidth, and a recording can be replayed.
+ *
+ * A tick begins with SYNC (or, when that was lost, with the torque frame) and ends with the controller's torque frame, with
+ * which the mirror's own is compared. Frames for the controller that came in between are given to it in their order. Which of
+ * them came too late for it is not seen on the bus; where there is a choice (no sample, several, or a command), the longest
+ * part of them is taken with which the torques agree, and the rest waits for the next tick. SYNC's counter tells of ticks that
+ * were lost altogether.
+ *
+ * A boot-up heartbeat starts the mirror anew. One that joins a controller in the middle of its run knows neither its contacts
+ * nor its state: it follows the state that is heard, and agrees once the instrument has left the tissue.
+ *
+ * Agreement is told by the torque frames of every tick and by the state hash in Health. What the bus does not carry (a
+ * tick that the port saw end late) the mirror cannot know; then it differs, and says so. */
+#ifndef TROCAR_MIRROR_H
+#define TROCAR_MIRROR_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "failure.h"
+#include "node.h"
+
+enum { MIRROR_PENDING = 16, MIRROR_PAST = 8 };
+
+enum mirror_verdict {
+    MIRROR_NOTHING, /* the frame compares nothing */
+    MIRROR_AGREES,
+    MIRROR_DIFFERS,
+    MIRROR_DAMAGED /* a torque frame whose length or CRC is wrong: no device takes it */
+};
+
+struct mirror {
+    struct node node;
+    struct can_frame_t torques; /* its own of the last tick that ended, or of the one that a late frame belonged to */
+    uint64_t ticks;
+    uint64_t agreed, differed, damaged; /* torque frames */
+    uint64_t unanswered; /* ticks whose torque frame was not heard; agreed + differed + unanswered = ticks */
+    uint64_t lost_ticks; /* of these, ticks of which nothing was heard; run without a sample */
+    uint64_t hashes_agreed, hashes_differed;
+    uint64_t late;   /* frames that the controller took one tick after they were heard */
+    uint64_t starts; /* boot-up heartbeats: the mirror starts again with the controller */
+    bool joined;     /* the first SYNC was not a controller's first: until torque and contact are new, it may differ */
+    /* own */
+    const struct bank_view *bank;
+    uint32_t instrument;
+    bool open; /* a tick has begun */
+    bool any_sync;
+    uint64_t sync_us, torques_us;         /* when the last of each was heard */
+    struct can_frame_t past[MIRROR_PAST]; /* own torque frames of tick n at n mod MIRROR_PAST */
+    bool missing[MIRROR_PAST];            /* the controller's was not heard */
+    size_t pending_count, row_bytes;
+    struct can_frame_t pending[MIRROR_PENDING];
+    unsigned char *rows, *saved_rows;
+    struct node saved;
+};
+
+/* A controller that starts, for instrument `instrument` of the bank, which must outlive it. STATUS_MEMORY, or what node_start
+ * says. */
+int mirror_open(struct mirror *mirror, const struct bank_view *bank, uint32_t instrument, uint8_t node_id,
+                struct failure *why);
+void mirror_close(struct mirror *mirror); /* zeros are nothing */
+
+/* The next frame of the bus, with the time at which it was heard, us. */
+enum mirror_verdict mirror_receive(struct mirror *mirror, const struct can_frame_t *frame, uint64_t time_us);
+
+/* Nothing follows: end the tick that is open. */
+void mirror_finish(struct mirror *mirror);
+
+#endif
