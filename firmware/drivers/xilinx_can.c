@@ -67,9 +67,18 @@ bool xilinx_can_start(struct xilinx_can *c, struct xilinx_can_registers *registe
     return settings->filters <= XILINX_CAN_FILTERS && reset(c) && configure(c);
 }
 
+/* Silence, as after bus-off. */
+static void leave(struct xilinx_can *c)
+{
+    reset(c);
+    c->off = true;
+    c->back_us = c->time_us + (RECOVERY_BITS * 1000000u + c->settings.bit_rate - 1) / c->settings.bit_rate;
+}
+
 void xilinx_can_poll(struct xilinx_can *c, uint64_t time_us)
 {
     struct xilinx_can_registers *r = c->registers;
+    c->time_us = time_us;
     if (c->off) {
         if (time_us >= c->back_us)
             configure(c);
@@ -88,9 +97,7 @@ void xilinx_can_poll(struct xilinx_can *c, uint64_t time_us)
     c->passive = state == STATE_PASSIVE;
     if (state == STATE_BUS_OFF || (interrupts & ISR_BUS_OFF)) {
         c->errors.bus_off++;
-        reset(c);
-        c->off = true;
-        c->back_us = time_us + (RECOVERY_BITS * 1000000u + c->settings.bit_rate - 1) / c->settings.bit_rate;
+        leave(c);
     }
 }
 
@@ -150,6 +157,10 @@ bool xilinx_can_transmit_urgent(struct xilinx_can *c, const struct can_frame_t *
         return false;
     if (register_read(&c->registers->status) & SR_URGENT_FULL) {
         c->errors.aborted++;
+        if (register_read(&c->registers->error_counters) & 0xFFu) {
+            leave(c);
+            return false;
+        }
         if (!reset(c) || !configure(c))
             return false;
     }

@@ -9,7 +9,9 @@
  * Receiving: up to 4 acceptance filters in front of a FIFO of 64 frames.
  *
  * After bus-off the controller is kept in configuration mode, silent, for the 128 x 11 bits that ISO 11898-1 asks for, then
- * started afresh; frames handed over meanwhile are refused. */
+ * started afresh; frames handed over meanwhile are refused. The same after a frame was taken back that could not be sent for
+ * errors, as the reset has made the controller forget them: a node that disturbs the bus must not go on doing so. A frame that
+ * only had to wait for others is replaced at once. */
 #ifndef TROCAR_XILINX_CAN_H
 #define TROCAR_XILINX_CAN_H
 
@@ -73,6 +75,7 @@ struct xilinx_can {
     uint32_t transmit_errors, receive_errors; /* the controller's own counters (ISO 11898-1), as last polled */
     bool passive;                             /* error-passive when last polled */
     bool off;                                 /* off the bus: silent until back_us */
+    uint64_t time_us;                         /* of the last poll */
     uint64_t back_us;
 };
 
@@ -91,7 +94,7 @@ bool xilinx_can_receive(struct xilinx_can *c, struct can_frame_t *frame);
 bool xilinx_can_transmit(struct xilinx_can *c, const struct can_frame_t *frame);
 
 /* The same by the high-priority buffer. One that still waits there is too old: the controller is reset, by which
- * everything not yet sent or received is lost, and counted as one in errors.aborted. */
+ * everything not yet sent or received is lost, and counted as one in errors.aborted. If it met errors, this one is refused. */
 bool xilinx_can_transmit_urgent(struct xilinx_can *c, const struct can_frame_t *frame);
 
 #endif

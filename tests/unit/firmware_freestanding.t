@@ -35,6 +35,7 @@ ENTRY = "blank_main"
 STRUCTS = [("controller", "tick.h"), ("node", "node.h"), ("bank_view", "bank_view.h")]
 TESTS_PER_TARGET = 6
 
+os.environ["CCACHE_DISABLE"] = "1"  # a cache of the compiler's output does not keep the call graph
 count = 0
 failed = False
 
@@ -60,7 +61,7 @@ def check(name, prefix, flags, folder):
         for claim in range(TESTS_PER_TARGET):
             result(False, "%s, check %d" % (name, claim + 1), skip="%s is not installed" % cc)
         return
-    sources = sorted(path for place in ("firmware", "firmware/effects", "shared") for path in pathlib.Path(place).glob("*.c"))
+    sources = sorted(path for place in ("firmware", "firmware/effects", "firmware/drivers", "shared") for path in pathlib.Path(place).glob("*.c"))
     objects, faults = [], []
     for source in sources:
         target = folder / (str(source).replace("/", "_")[:-2] + ".o")
