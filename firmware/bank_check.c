@@ -313,7 +313,8 @@ static int check_contact(struct bank_view *view)
     bool good = positive(c->regularisation_m_N) && positive(c->coupling_stiffness_N_m) &&
                 within(c->coupling_damping_Ns_m, 0, FLT_MAX) && positive(c->force_limit_N) &&
                 positive(c->force_rate_N_s) && positive(c->decay_s) && c->decay_s <= BANK_MAX_DECAY_S &&
-                positive(c->typical_compliance_m_N) && c->solver_steps <= BANK_MAX_SOLVER_STEPS;
+                positive(c->typical_compliance_m_N) && c->solver_steps <= BANK_MAX_SOLVER_STEPS &&
+                c->row_work <= BANK_MAX_ROW_WORK;
     return good ? STATUS_OK : fault(view, STATUS_BANK_NONFINITE, BANK_CONT, 0);
 }
 

@@ -16,7 +16,9 @@ size_t row_cache_memory(const struct bank_view *bank)
 
 bool row_cache_start(struct row_cache *g, const struct bank_view *bank, void *memory, size_t bytes)
 {
-    *g = (struct row_cache){.stride = row_max_blocks(bank)};
+    uint32_t work = bank->contact->row_work;
+    *g = (struct row_cache){.stride = row_max_blocks(bank),
+                            .work_limit = work ? work * BANK_ROW_WORK_UNIT : ROW_CACHE_WORK};
     if (g->stride == 0)
         return true;
     if (!memory || bytes < row_cache_memory(bank))
@@ -41,7 +43,7 @@ static void spend(struct row_cache *g, uint32_t work)
 
 static bool may_work(const struct row_cache *g)
 {
-    return g->work < ROW_CACHE_WORK;
+    return g->work < g->work_limit;
 }
 
 uint8_t row_cache_slot(struct row_cache *g, const struct bank_view *bank, uint16_t row)

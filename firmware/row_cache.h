@@ -2,7 +2,7 @@
  *
  * With a factor bank (section FACT) the block G_ij costs two decoded rows and their dot product, too much to do for a
  * whole contact in one tick. So rows stay decoded in slots, products stay in a table over pairs of slots, and a tick does
- * at most ROW_CACHE_WORK of either. What is needed now comes first, in the order asked; what will be needed soon
+ * at most ROW_CACHE_WORK of either, or what the bank says (CONT row_work). What is needed now comes first, in the order asked; what will be needed soon
  * (row_cache_expect) uses what is left. A contact whose rows are not there yet waits (contact.h says how).
  * With a plain bank (GHLF) there is nothing to prepare: every block is read in place and no memory is needed.
  *
@@ -43,7 +43,7 @@ struct row_cache {
     float (*pair)[9];                                      /* slots s >= t: G between them at s (s + 1) / 2 + t */
     uint32_t stride;                                       /* 0: plain bank */
     float scale;                                           /* step squared */
-    uint32_t tick, work;                                   /* work: done in this tick */
+    uint32_t tick, work, work_limit;                       /* work: done in this tick */
     uint32_t rows_read, rows_dropped, products, most_work; /* counters; most_work: of one tick */
     uint8_t
         hint[ROW_CACHE_HINTS]; /* row modulo ROW_CACHE_HINTS: the slot where such a row was last seen, to look first */

@@ -28,8 +28,10 @@ enum {
     BANK_MAX_GRID_CELLS = 65536,
     BANK_MAX_GRID_AXIS = 1024, /* cells along one axis: float32 still tells 1e-4 of a cell apart */
     BANK_MAX_CELL_TRIANGLES = 255,
-    BANK_MAX_COUNTS = 16384,   /* modulus of an encoder: 14 bits on the bus */
-    BANK_MAX_SOLVER_STEPS = 48 /* factorisations of the contact solver in one tick */
+    BANK_MAX_COUNTS = 16384,    /* modulus of an encoder: 14 bits on the bus */
+    BANK_MAX_SOLVER_STEPS = 48, /* factorisations of the contact solver in one tick */
+    BANK_MAX_ROW_WORK = 1000,   /* thousands of units: firmware/row_cache.h */
+    BANK_ROW_WORK_UNIT = 1000
 };
 
 #define BANK_MAX_ANGLE_RAD                                                                                             \
@@ -165,7 +167,8 @@ struct bank_contact {
     float force_rate_N_s;         /* rate limit of the tip force, per second */
     float decay_s;                /* time constant of the decay to zero in the state SAFE */
     float typical_compliance_m_N; /* median diagonal of G: for display and scaling */
-    uint32_t solver_steps;        /* factorisations after which the contact solver stops; 0: BANK_MAX_SOLVER_STEPS */
+    uint16_t solver_steps;        /* factorisations after which the contact solver stops; 0: BANK_MAX_SOLVER_STEPS */
+    uint16_t row_work; /* BANK_ROW_WORK_UNIT units that a tick may spend on rows of FACT; 0: the image's own bound */
 };
 
 /* TOOL, required, count = instruments (1 .. BANK_MAX_INSTRUMENTS): struct bank_tool each. */

@@ -9,6 +9,7 @@
 
 #include "crc.h"
 #include "force_error.h"
+#include "budget.h"
 #include "pack.h"
 #include "tick.h" /* FIRMWARE_ABI */
 
@@ -127,15 +128,6 @@ static void relative_path(const char *file, const char *out, char *relative, siz
         memcpy(relative, text, used + 1);
 }
 
-static int check_budget(const struct scene *scene, const struct pack *pack, struct failure *why)
-{
-    if (scene->budget_bank_bytes > 0 && (double)pack->bytes > scene->budget_bank_bytes)
-        return failure_set(why, STATUS_CHECK_FAILED, scene->path, "raise budget: bank, or use a coarser mesh",
-                           "the bank will have %llu bytes, the scene allows %.0f", (unsigned long long)pack->bytes,
-                           scene->budget_bank_bytes);
-    return STATUS_OK;
-}
-
 int bank_measure(struct bank_view *view, const struct compliance *G, const struct compressed *compressed, size_t trials,
                  uint64_t seed, struct compression_error *error, struct failure *why)
 {
@@ -197,8 +189,8 @@ static int measure(const struct file_writer *writer, struct body *body, const st
     return status;
 }
 
-static int write_provenance(struct pack *pack, const struct body *body, const struct build_result *result, char *scene,
-                            struct file_writer *writer, struct failure *why)
+static int print_provenance(const struct body *body, const struct build_result *result, char *scene,
+                            const char *bank_path, char **text, size_t *length, struct failure *why)
 {
     struct provenance p = {.scene = scene,
                            .program = "trocar",
@@ -211,12 +203,37 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
     compression_error_print(&result->error, p.measured, sizeof p.measured);
     snprintf(p.discretisation, sizeof p.discretisation, "%s", result->discretisation);
     snprintf(p.mesh_path, sizeof p.mesh_path, "%s", body->scene.mesh_path);
-    relative_path(body->scene.mesh_path, writer->path, p.mesh_from_bank, sizeof p.mesh_from_bank);
+    relative_path(body->scene.mesh_path, bank_path, p.mesh_from_bank, sizeof p.mesh_from_bank);
+    return provenance_print(&p, text, length, why);
+}
+
+/* Bytes of section PROV at most: its text with numbers as long as they get. */
+static int longest_provenance(const struct body *body, const struct build_result *result, char *scene,
+                              const char *bank_path, double *bytes, struct failure *why)
+{
+    struct build_result widest = *result;
+    widest.seconds = 1e6;
+    widest.step = 1.23456e-5;
+    for (int k = 0; k < COMPRESSION_ERROR_KINDS; k++)
+        widest.error.of[k] = (struct error_figures){1.23e-7, 1.23e-7}; /* 1.23e-05 per cent */
     char *text;
     size_t length;
-    int status = provenance_print(&p, &text, &length, why);
+    int status = print_provenance(body, &widest, scene, bank_path, &text, &length, why);
     if (!status)
-        status = pack_provenance(pack, text, length, writer, why);
+        free(text);
+    *bytes = status ? 0 : compression_padded(length);
+    return status;
+}
+
+static int write_provenance(struct pack *pack, const struct body *body, const struct build_result *result, char *scene,
+                            struct file_writer *writer, struct failure *why)
+{
+    char *text;
+    size_t length;
+    int status = print_provenance(body, result, scene, writer->path, &text, &length, why);
+    if (status)
+        return status;
+    status = pack_provenance(pack, text, length, writer, why);
     free(text);
     return status;
 }
@@ -237,15 +254,6 @@ static int set_records(const char *scene_text, const char *path, double median_m
     pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
     free(scene);
     return status;
-}
-
-/* What is asked for, the scene's budget included. */
-static struct compression asked(const struct scene *scene, const struct compression *compression)
-{
-    struct compression c = compression ? *compression : (struct compression){0};
-    if (!c.plain && !(c.step > 0) && !(c.force_error > 0))
-        c.force_error = scene->budget_force_error;
-    return c;
 }
 
 int bank_compress(const struct body *body, const struct compliance *G, const struct pack *pack,
@@ -282,11 +290,18 @@ static int write_bank(struct body *body, struct pack *pack, const struct complia
     int status = set_records(scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
     if (!status && !wanted->plain)
         status = bank_compress(body, G, pack, wanted, quiet, &compressed, why);
+    if (status == STATUS_BANK_LIMIT)
+        snprintf(why->place, sizeof why->place, "%s", body->scene.path);
     if (!status && !wanted->plain) {
         pack_compressed(pack, &compressed);
-        status = check_budget(&body->scene, pack, why);
         result->step = compressed.step;
+        result->default_bytes = compressed.default_bytes;
+        result->default_error = compressed.default_error;
     }
+    if (!status)
+        status = budget_instructions_fit(&body->scene, wanted->plain ? NULL : &compressed, &pack->contact,
+                                         &result->instructions, why);
+    result->row_work = pack->contact.row_work;
     if (!status)
         status = pack_write(pack, G, wanted->plain ? NULL : &compressed, writer, quiet, why);
     if (!status)
@@ -302,7 +317,8 @@ static int build(struct body *body, const struct compression *compression, bool 
     struct compliance G = {0};
     char *scene_text = NULL;
     const struct scene *scene = &body->scene;
-    const struct compression wanted = asked(scene, compression);
+    struct compression wanted = compression ? *compression : (struct compression){0};
+    double provenance_bytes = 0;
     result->nodes = body->mesh.node_count;
     result->elements = body->mesh.tetrahedron_count;
     result->surface_nodes = body->surface.vertex_count;
@@ -310,11 +326,13 @@ static int build(struct body *body, const struct compression *compression, bool 
     result->discretisation = model_discretisation(body->model);
     int status = pack_prepare(&pack, &body->mesh, &body->surface, model_fixed_vertices(body->model),
                               scene->instrument_count, why);
-    if (!status && wanted.plain)
-        status = check_budget(scene, &pack, why);
     result->rows = pack.rows;
     if (!status && !(scene_text = scene_print(scene)))
         status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
+    if (!status)
+        status = longest_provenance(body, result, scene_text, writer->path, &provenance_bytes, why);
+    if (!status)
+        status = budget_begin(scene, &pack, provenance_bytes, &wanted, why);
     if (!status)
         status = compliance_build(body->model, quiet, &G, why);
     result->median_compliance_m_N = G.median_diagonal_m_N;
@@ -324,10 +342,10 @@ static int build(struct body *body, const struct compression *compression, bool 
     const struct error_figures *patch = &result->error.of[COMPRESSION_ERROR_PATCH];
     result->force_error_p95 = patch->p95;
     result->force_error_max = patch->max;
-    if (!status && scene->budget_force_error > 0 && patch->p95 > scene->budget_force_error)
-        status =
-            failure_set(why, STATUS_CHECK_FAILED, scene->path, "raise budget: force_error",
-                        "the bank's force error is %.2e, the scene allows %.2e", patch->p95, scene->budget_force_error);
+    if (!status && wanted.force_error > 0 && patch->p95 > wanted.force_error) /* as written; the search kept it */
+        status = failure_set(why, STATUS_BANK_LIMIT, scene->path, NULL,
+                             "the bank's force error is %.4g %%, the limit %.4g %%", 100 * patch->p95,
+                             100 * wanted.force_error);
     result->seconds = seconds_now() - started_s;
     if (!status)
         status = write_provenance(&pack, body, result, scene_text, writer, why);

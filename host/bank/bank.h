@@ -22,6 +22,9 @@ struct build_result {
     double force_error_p95, force_error_max; /* of a patch: compression_error.h, on the bank as written */
     struct compression_error error;          /* the other kinds too */
     double step;                             /* of the compression, relative; 0: not compressed */
+    double instructions;                     /* of the worst tick: worst_tick.h */
+    unsigned row_work;                       /* thousands of units a tick; 0: the image's own (bank_format.h, CONT) */
+    double default_bytes, default_error;     /* with a limit of bytes: of the bank that would be made without; else 0 */
     const char *discretisation;              /* of model.h: decides the mesh's error, which is not the bank's */
     struct mesh_report mesh;
 };
@@ -29,8 +32,8 @@ struct build_result {
 struct body;
 
 /* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write, open
- * what was written and measure its force error, then give it its name. `compression` NULL: the default, or what the
- * scene's budget asks for. On return the scene has its instruments placed.
+ * what was written and measure its force error, then give it its name. `compression` NULL: the default. The
+ * scene's budget limits the bank (budget.h). On return the scene has its instruments placed.
  * Nothing appears at `out_path` on failure or interrupt; a path that cannot be written is refused before the long part.
  */
 int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,

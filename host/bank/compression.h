@@ -19,13 +19,17 @@
 #define COMPRESSION_STEP_MIN 2e-5
 #define COMPRESSION_STEP_MAX 0.05
 
-enum { COMPRESSION_TRIALS = 400, COMPRESSION_SEED = 1 };
+/* What is reported, and decides whether a limit holds, is drawn from COMPRESSION_SEED; what steers the search for a step from
+ * another, so that the step is not fitted to the contacts on which it is judged. */
+enum { COMPRESSION_TRIALS = 400, COMPRESSION_SEED = 1, COMPRESSION_SEARCH_SEED = 7001 };
 
-/* What is asked for: all zero is the default, FACT with COMPRESSION_STEP. */
+/* What is asked for: all zero is FACT with COMPRESSION_STEP. */
 struct compression {
     bool plain;         /* GHLF instead */
-    double step;        /* COMPRESSION_STEP_MIN .. COMPRESSION_STEP_MAX; 0: the default */
-    double force_error; /* find the step for this p95 of a patch (compression_error.h); 0: do not */
+    double step;        /* COMPRESSION_STEP_MIN .. COMPRESSION_STEP_MAX; 0: find it, the default without limits */
+    double force_error; /* limit of the p95 of a patch (compression_error.h); 0: none */
+    double bytes;       /* limit of the whole bank; 0: none */
+    double rest_bytes;  /* of the bank beside section FACT, at most */
 };
 
 struct compressed {
@@ -33,10 +37,17 @@ struct compressed {
     double step; /* relative, as found */
     unsigned char *bytes;
     size_t length; /* of section FACT */
+    /* For a limit of bytes, what the default step would take: 0 when there is none. */
+    double default_bytes, default_error; /* of the whole bank; p95 of a patch */
 };
 
-/* `position`: 3 per row of G, m. `surface`: row_of numbers the rows of G here. CHECK_FAILED when the force error cannot be
- * reached, naming the nearest; MEMORY, INTERRUPTED, MODEL_FACTOR. Memory: one square of 9 rows^2 doubles beside G. */
+/* Bytes that a section takes in a bank. */
+double compression_padded(size_t length);
+
+/* `position`: 3 per row of G, m. `surface`: row_of numbers the rows of G here. With a limit of bytes: the least
+ * force error within it; with one of the force error alone: the least bytes. BANK_LIMIT when limits cannot be met, or not
+ * together, or not by the given step; it names the nearest that can. MEMORY, INTERRUPTED, MODEL_FACTOR. Memory: one square of
+ * 9 rows^2 doubles beside G. Every try costs a rounding, and a code for bytes or 400 patches for the error. */
 int compress_compliance(const struct compliance *G, const double *position, const struct contact_surface *surface,
                         const struct compression *wanted, bool quiet, struct compressed *compressed,
                         struct failure *why);

@@ -201,6 +201,11 @@ static int write_head(struct pack *p, struct file_writer *writer, struct failure
     return status ? status : file_patch(writer, 0, &h, sizeof h, why);
 }
 
+uint64_t pack_rest(const struct pack *p)
+{
+    return p->bytes - padded(half_bytes(p->rows));
+}
+
 void pack_compressed(struct pack *p, const struct compressed *compressed)
 {
     p->bytes += padded(compressed->length) - padded(half_bytes(p->rows));

@@ -42,6 +42,8 @@ struct pack {
  * numbers them. MESH_TOO_LARGE when the format's limits do not hold the body. */
 int pack_prepare(struct pack *pack, const struct mesh *mesh, const struct surface *surface, const bool *fixed,
                  size_t tools, struct failure *why);
+/* Bytes of the bank beside the compliance, without the text of PROV. Before pack_compressed. */
+uint64_t pack_rest(const struct pack *pack);
 /* Make `bytes` that of a bank with this in place of GHLF. */
 void pack_compressed(struct pack *pack, const struct compressed *compressed);
 /* `compressed` NULL: GHLF; else FACT, and the rows take its order. */

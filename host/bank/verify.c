@@ -10,6 +10,7 @@
 #include "grid.h"
 #include "progress.h"
 #include "row_code.h"
+#include "worst_tick.h"
 
 static void differs(struct verify_result *result, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
@@ -124,6 +125,11 @@ static int check_records(const struct bank_view *bank, const struct body *body, 
         differs(result, "the regularisation is %g m/N, the scene's %g", (double)epsilon,
                 (double)contact.regularisation_m_N);
     contact.regularisation_m_N = epsilon;
+    contact.row_work = bank->contact->row_work; /* follows from the budget, which a command line may have set */
+    double worst = worst_tick(bank->contact, worst_tick_points(&body->scene), row_max_blocks(bank));
+    if (body->scene.budget_instructions > 0 && worst > body->scene.budget_instructions)
+        differs(result, "the worst tick takes %.0f instructions, the scene allows %.0f", worst,
+                body->scene.budget_instructions);
     if (memcmp(&contact, bank->contact, sizeof contact) != 0)
         differs(result, "the contact record is not the scene's");
     if (bank->tool_count != body->scene.instrument_count)

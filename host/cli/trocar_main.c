@@ -61,7 +61,7 @@ static void help(FILE *out)
         "  trocar --version      version and licence\n\n"
         "Results go to stdout (--json: one JSON object), everything else to stderr. Exit codes: 0 success, 2 usage,\n"
         "3 file, 4 mesh, 5 scene, 6 bank, 7 model, 8 bus, 9 loop, 10 missing tool, 11 memory, 12 failed check,\n"
-        "130 interrupted.\n\n"
+        "13 a limit that no bank keeps, 130 interrupted.\n\n"
         "A failure is one line on stderr; stdout may then hold no JSON. What was measured before the failure is still\n"
         "printed: mesh prints its report of a mesh that it refuses, verify its comparison, run its result.\n",
         out);

@@ -1,16 +1,19 @@
 /* trocar build MESH|SCENE: a bank from a scene, or from a mesh alone in the scene that is assumed and printed. */
 #include <getopt.h>
-#include <json-c/json.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "bank.h"
+#include "build_report.h"
 #include "cli.h"
 #include "open_bank.h"
 #include "output.h"
+#include "quantity.h"
 
 static const char usage[] =
-    "usage: trocar build SCENE.yaml -o BANK [--order ORDER] [--step X | --force-error P | --plain] [--json] [--quiet]\n"
+    "usage: trocar build SCENE.yaml -o BANK [--order ORDER] [--max-bytes N] [--max-instructions N]\n"
+    "                    [--max-force-error P] [--step X | --plain] [--json] [--quiet]\n"
     "       trocar build MESH --extent METRES | --unit m|cm|mm [--size METRES] -o BANK ...\n"
     "\n"
     "Builds the bank that a controller reads. With a mesh alone, the scene that is assumed (tissue E = 4 kPa, nu = "
@@ -25,10 +28,16 @@ static const char usage[] =
     "given\n"
     "      --step X         rounding of the compliance's factor relative to its median diagonal: 2e-5 (fine) to 0.05\n"
     "                       (coarse); 1.25e-3 if nothing is asked for\n"
-    "      --force-error P  the smallest bank whose forces are off by at most P: 0.5%, or 0.005 (95 % of patches of 3 "
-    "to "
-    "10\n"
-    "                       contacts)\n"
+    "      --max-bytes N    the bank with the least force error that has at most N bytes, everything included; also\n"
+    "                       \"512 KiB\"\n"
+    "      --max-force-error P  forces off by at most P: 0.5%, or 0.005 (95 % of patches of 3 to 10 contacts); alone, "
+    "the\n"
+    "                       smallest such bank\n"
+    "      --max-instructions N  at most N instructions in the worst tick of a Cortex-M7, by fewer rows decoded in "
+    "one\n"
+    "                       A limit given here takes the place of the scene's budget. Limits that cannot be met end "
+    "with\n"
+    "                       exit code 13 and name the nearest that can; nothing is written then\n"
     "      --plain          the compliance uncompressed, as float32\n"
     "      --order ORDER    of the elements: linear, or quadratic, which are not too stiff; the scene's, else "
     "quadratic\n"
@@ -39,6 +48,7 @@ struct options {
     const char *input, *output;
     double extent_m, size_m;
     enum mesh_unit unit;
+    double max_bytes, max_instructions, max_force_error; /* 0: as the scene says */
     bool order_given;
     enum element_order order;
     struct compression compression;
@@ -77,10 +87,32 @@ static int parse_share(const char *text, double *share, struct failure *why)
         end++;
     bool percent = *end == '%' && !end[1];
     if (end == text || (*end && !percent) || !(value > 0) || !(value < (percent ? 100 : 1)))
-        return failure_set(why, STATUS_USAGE, NULL, NULL, "--force-error is a share such as 0.5%%, not \"%.60s\"",
+        return failure_set(why, STATUS_USAGE, NULL, NULL, "--max-force-error is a share such as 0.5%%, not \"%.60s\"",
                            text);
     *share = percent ? value / 100 : value;
     return STATUS_OK;
+}
+
+/* A number of bytes, or a size with its unit. */
+static int parse_bytes(const char *text, double *bytes, struct failure *why)
+{
+    char *end, message[200];
+    double value = strtod(text, &end);
+    bool good =
+        end > text && !*end ? true : quantity_parse(text, DIMENSION_BYTES, &value, message, sizeof message) == 0;
+    if (!good || !(value >= 1) || !(value < 4294967296.0))
+        return failure_set(why, STATUS_USAGE, NULL, NULL,
+                           "--max-bytes is a size such as 524288 or \"512 KiB\", not \"%.60s\"", text);
+    *bytes = floor(value);
+    return STATUS_OK;
+}
+
+static int parse_instructions(const char *text, double *instructions, struct failure *why)
+{
+    uint64_t value = 0;
+    int status = cli_whole("--max-instructions", text, 1, 1000000000000u, &value, why);
+    *instructions = (double)value;
+    return status;
 }
 
 static int parse_order(const char *text, struct options *o, struct failure *why)
@@ -94,14 +126,21 @@ static int parse_order(const char *text, struct options *o, struct failure *why)
 
 static int parse(int argc, char **argv, struct options *o, struct failure *why)
 {
-    enum { EXTENT = 256, UNIT, SIZE, ORDER, STEP, FORCE_ERROR, PLAIN, JSON, QUIET };
-    static const struct option longs[] = {
-        {"output", required_argument, NULL, 'o'}, {"extent", required_argument, NULL, EXTENT},
-        {"unit", required_argument, NULL, UNIT},  {"size", required_argument, NULL, SIZE},
-        {"json", no_argument, NULL, JSON},        {"quiet", no_argument, NULL, QUIET},
-        {"step", required_argument, NULL, STEP},  {"force-error", required_argument, NULL, FORCE_ERROR},
-        {"plain", no_argument, NULL, PLAIN},      {"order", required_argument, NULL, ORDER},
-        {"help", no_argument, NULL, 'h'},         {0}};
+    enum { EXTENT = 256, UNIT, SIZE, ORDER, STEP, FORCE_ERROR, BYTES, INSTRUCTIONS, PLAIN, JSON, QUIET };
+    static const struct option longs[] = {{"output", required_argument, NULL, 'o'},
+                                          {"extent", required_argument, NULL, EXTENT},
+                                          {"unit", required_argument, NULL, UNIT},
+                                          {"size", required_argument, NULL, SIZE},
+                                          {"json", no_argument, NULL, JSON},
+                                          {"quiet", no_argument, NULL, QUIET},
+                                          {"step", required_argument, NULL, STEP},
+                                          {"max-force-error", required_argument, NULL, FORCE_ERROR},
+                                          {"max-bytes", required_argument, NULL, BYTES},
+                                          {"max-instructions", required_argument, NULL, INSTRUCTIONS},
+                                          {"plain", no_argument, NULL, PLAIN},
+                                          {"order", required_argument, NULL, ORDER},
+                                          {"help", no_argument, NULL, 'h'},
+                                          {0}};
     int answer, status = STATUS_OK;
     opterr = 0;
     optind = 0; /* GNU: start over */
@@ -117,7 +156,11 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
         else if (answer == STEP)
             status = parse_step(optarg, &o->compression.step, why);
         else if (answer == FORCE_ERROR)
-            status = parse_share(optarg, &o->compression.force_error, why);
+            status = parse_share(optarg, &o->max_force_error, why);
+        else if (answer == BYTES)
+            status = parse_bytes(optarg, &o->max_bytes, why);
+        else if (answer == INSTRUCTIONS)
+            status = parse_instructions(optarg, &o->max_instructions, why);
         else if (answer == PLAIN)
             o->compression.plain = true;
         else if (answer == ORDER)
@@ -139,9 +182,8 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
                            optind == argc ? "no mesh and no scene is given" : "more than one mesh or scene is given");
     if (!o->output)
         return failure_set(why, STATUS_USAGE, NULL, "add -o BANK", "no output file is given");
-    if (o->compression.plain + (o->compression.step > 0) + (o->compression.force_error > 0) > 1)
-        return failure_set(why, STATUS_USAGE, NULL, "give one of them",
-                           "--step, --force-error and --plain exclude each other");
+    if (o->compression.plain && o->compression.step > 0)
+        return failure_set(why, STATUS_USAGE, NULL, "give one of them", "--step and --plain exclude each other");
     if (o->extent_m > 0 && o->unit)
         return failure_set(why, STATUS_USAGE, NULL, "give one of them", "--extent and --unit exclude each other");
     o->input = argv[optind];
@@ -171,46 +213,15 @@ static int get_scene(const struct options *o, struct scene *scene, struct failur
     return STATUS_OK;
 }
 
-static void print_json(const struct build_result *r, const char *path)
+/* Limits become the scene's budget, so that the bank's own scene says them. */
+static void set_limits(const struct options *o, struct scene *scene)
 {
-    struct json_object *root = json_object_new_object(), *error = json_object_new_object();
-    json_object_object_add(root, "bank", json_object_new_string(path));
-    json_object_object_add(root, "nodes", json_object_new_int64((int64_t)r->nodes));
-    json_object_object_add(root, "elements", json_object_new_int64((int64_t)r->elements));
-    json_object_object_add(root, "surface_nodes", json_object_new_int64((int64_t)r->surface_nodes));
-    json_object_object_add(root, "free_surface_nodes", json_object_new_int64((int64_t)r->rows));
-    json_object_object_add(root, "unknowns", json_object_new_int64((int64_t)r->unknowns));
-    json_object_object_add(root, "bytes", json_object_new_int64((int64_t)r->bytes));
-    json_object_object_add(root, "seconds", json_object_new_double(r->seconds));
-    json_object_object_add(root, "peak_rss_bytes", json_object_new_int64((int64_t)r->peak_rss_bytes));
-    json_object_object_add(root, "median_compliance_m_N", json_object_new_double(r->median_compliance_m_N));
-    json_object_object_add(root, "discretisation", json_object_new_string(r->discretisation));
-    json_object_object_add(error, "reference", json_object_new_string(COMPRESSION_ERROR_REFERENCE));
-    json_object_object_add(error, "p95", json_object_new_double(r->force_error_p95));
-    json_object_object_add(error, "max", json_object_new_double(r->force_error_max));
-    for (int k = 0; k < COMPRESSION_ERROR_KINDS; k++) {
-        struct json_object *kind = json_object_new_object();
-        json_object_object_add(kind, "p95", json_object_new_double(r->error.of[k].p95));
-        json_object_object_add(kind, "max", json_object_new_double(r->error.of[k].max));
-        json_object_object_add(error, compression_error_kind[k], kind);
-    }
-    json_object_object_add(root, "force_error", error);
-    if (r->step > 0)
-        json_object_object_add(root, "step", json_object_new_double(r->step));
-    puts(json_object_to_json_string_ext(root, JSON_C_TO_STRING_SPACED | JSON_C_TO_STRING_NOSLASHESCAPE));
-    json_object_put(root);
-}
-
-static void print_text(FILE *out, const struct build_result *r, const char *path)
-{
-    char measured[200];
-    compression_error_print(&r->error, measured, sizeof measured);
-    fprintf(out,
-            "%s: %zu nodes, %zu tetrahedra (%s), %zu surface nodes (%zu free)\n"
-            "%zu bytes, built in %.1f s with at most %.0f MB\n"
-            "force error in %% (p95, max): %s; against the %s\n",
-            path, r->nodes, r->elements, r->discretisation, r->surface_nodes, r->rows, r->bytes, r->seconds,
-            1e-6 * r->peak_rss_bytes, measured, COMPRESSION_ERROR_REFERENCE);
+    if (o->max_bytes > 0)
+        scene->budget_bank_bytes = o->max_bytes;
+    if (o->max_instructions > 0)
+        scene->budget_instructions = o->max_instructions;
+    if (o->max_force_error > 0)
+        scene->budget_force_error = o->max_force_error;
 }
 
 int verb_build(int argc, char **argv, struct failure *why)
@@ -225,6 +236,7 @@ int verb_build(int argc, char **argv, struct failure *why)
     }
     struct scene *scene = calloc(1, sizeof *scene);
     struct build_result result;
+    struct row_cost cost = {0};
     if (!scene)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     status = get_scene(&o, scene, why);
@@ -233,8 +245,14 @@ int verb_build(int argc, char **argv, struct failure *why)
     if (!status && o.order_given)
         scene->order = o.order;
     if (!status)
+        set_limits(&o, scene);
+    if (!status)
         status = bank_build(scene, o.output, &o.compression, o.quiet, &result, why);
+    if (!status && result.row_work)
+        status = row_cost_measure(o.output, &cost, why);
     char *assumed = !status && !is_scene(o.input) ? scene_print(scene) : NULL;
+    const struct build_report report = {
+        o.output, &result, &cost, scene->budget_bank_bytes, scene->budget_instructions, scene->budget_force_error};
     free(scene);
     if (status)
         return status;
@@ -242,8 +260,8 @@ int verb_build(int argc, char **argv, struct failure *why)
         fputs(assumed, o.json ? stderr : stdout);
     free(assumed);
     if (o.json)
-        print_json(&result, o.output);
+        build_report_json(stdout, &report);
     else
-        print_text(is_scene(o.input) ? stdout : stderr, &result, o.output);
+        build_report_text(is_scene(o.input) ? stdout : stderr, &report);
     return STATUS_OK;
 }

@@ -12,6 +12,9 @@ import sys
 import tempfile
 import zlib
 
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+from block import write_block
+
 trocar = os.path.join(os.environ.get("B", "build"), "trocar")
 count = failed = 0
 
@@ -33,29 +36,6 @@ def refuses(claim, code, part, *arguments):
     r = run(*arguments)
     line = r.stderr.strip().splitlines()[-1] if r.stderr.strip() else ""
     check(claim, r.returncode == code and part in line and line.startswith("trocar: "), f"{r.returncode}: {r.stderr}")
-
-
-def box(path, n=(8, 6, 4), size=(0.2, 0.15, 0.1)):
-    """A block of tetrahedra, six to a cell around its diagonal, as Gmsh 2.2 ASCII."""
-    number = lambda i, j, k: 1 + i + (n[0] + 1) * (j + (n[1] + 1) * k)
-    nodes = [(number(i, j, k), size[0] * i / n[0], size[1] * j / n[1], size[2] * k / n[2])
-             for k in range(n[2] + 1) for j in range(n[1] + 1) for i in range(n[0] + 1)]
-    tets = []
-    for i in range(n[0]):
-        for j in range(n[1]):
-            for k in range(n[2]):
-                for a, b in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)):
-                    corner = [[i, j, k]]
-                    for axis in (a, b, 3 - a - b):
-                        corner.append(corner[-1][:])
-                        corner[-1][axis] += 1
-                    tets.append([number(*c) for c in corner])
-    with open(path, "w") as out:
-        out.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n%d\n" % len(nodes))
-        out.writelines("%d %r %r %r\n" % node for node in nodes)
-        out.write("$EndNodes\n$Elements\n%d\n" % len(tets))
-        out.writelines("%d 4 2 1 1 %d %d %d %d\n" % (e + 1, *t) for e, t in enumerate(tets))
-        out.write("$EndElements\n")
 
 
 def soften(bank, factor):
@@ -80,7 +60,7 @@ def soften(bank, factor):
 
 def main(folder):
     path = lambda name: os.path.join(folder, name)
-    box(path("box.msh"))
+    write_block(path("box.msh"), (8, 6, 4), (0.2, 0.15, 0.1))
     r = run("build", path("box.msh"), "--extent", "0.2", "-o", path("box.bank"))
     check("a bank is built from a block", r.returncode == 0, r.stderr)
     scene = r.stdout[r.stdout.find("scene:"):]

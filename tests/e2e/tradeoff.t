@@ -11,15 +11,9 @@ import xml.etree.ElementTree
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import view_browser
+from block import SCENE, write_block
 
 trocar = os.path.join(os.environ.get("B", "build"), "trocar")
-SCENE = """scene: block
-body:
-  mesh: {file: block.msh, unit: m}
-  materials: [{label: all, E: 4 kPa, nu: 0.45, rho: 1060 kg/m3}]
-  fixed:
-    - {plane: {at: [0, 0, 0], normal: [0, 0, -1]}}
-"""
 count = failed = 0
 
 
@@ -40,29 +34,6 @@ def skip(claim, why):
 
 def run(*arguments, **more):
     return subprocess.run([trocar, *map(str, arguments)], capture_output=True, text=True, timeout=900, **more)
-
-
-def box(path, n=(5, 4, 3), size=(0.12, 0.10, 0.06)):
-    """A block of tetrahedra, six to a cell around its diagonal, as Gmsh 2.2 ASCII."""
-    number = lambda i, j, k: 1 + i + (n[0] + 1) * (j + (n[1] + 1) * k)
-    nodes = [(number(i, j, k), size[0] * i / n[0], size[1] * j / n[1], size[2] * k / n[2])
-             for k in range(n[2] + 1) for j in range(n[1] + 1) for i in range(n[0] + 1)]
-    tets = []
-    for i in range(n[0]):
-        for j in range(n[1]):
-            for k in range(n[2]):
-                for a, b in ((0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)):
-                    corner = [[i, j, k]]
-                    for axis in (a, b, 3 - a - b):
-                        corner.append(corner[-1][:])
-                        corner[-1][axis] += 1
-                    tets.append([number(*c) for c in corner])
-    with open(path, "w") as out:
-        out.write("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n%d\n" % len(nodes))
-        out.writelines("%d %r %r %r\n" % node for node in nodes)
-        out.write("$EndNodes\n$Elements\n%d\n" % len(tets))
-        out.writelines("%d 4 2 1 1 %d %d %d %d\n" % (e + 1, *t) for e, t in enumerate(tets))
-        out.write("$EndElements\n")
 
 
 def walk(value):
@@ -155,7 +126,7 @@ def page_tests(page, data):
 
 def main(folder):
     path = lambda name: os.path.join(folder, name)
-    box(path("block.msh"))
+    write_block(path("block.msh"))
     with open(path("block.yaml"), "w") as out:
         out.write(SCENE)
 

@@ -169,10 +169,18 @@ def show_profile(place, plugin, bank, tick):
         say("      %-30s %8d  %4.1f %%" % (name, instructions, 100 * instructions / sum(spent.values())))
 
 
+def check_bound(bound, counted, name):
+    """What trocar build says of a tick (host/bank/worst_tick.h) is above every one, and is no idle figure: the solver's
+    bound of steps and the coefficients' rounding leave less than a factor of two."""
+    result(counted <= bound <= 2 * counted, "%s: the stated bound of the worst tick, %d, is above the worst of %d and within "
+           "twice that" % (name, bound, counted))
+    say("the build's bound of the worst tick: %d, %.2f times the worst that was counted" % (bound, bound / counted))
+
+
 def measure_scene(place, plugin, *source):
     """All recordings on the bank of a scene or mesh; the bank, and the largest figures."""
     bank = place / "scene.bank"
-    emulated.build_bank(bank, *source)
+    built = emulated.build_bank(bank, *source)
     say()
     say("%s, a bank of %d bytes" % (pathlib.Path(source[0]).name, bank.stat().st_size))
     say("  %-18s %6s %6s %3s %9s %9s %9s %9s %6s %5s %7s" % (
@@ -186,6 +194,7 @@ def measure_scene(place, plugin, *source):
         largest["stack"] = max(largest["stack"], stack)
         largest["tick-3-contacts"] = max([largest["tick-3-contacts"]] + [
             t["instructions"] for t in ticks if 1 <= t["contacts"] <= 3 and t["work"] == 0])
+    check_bound(built["worst_tick_instructions"], largest["tick"], pathlib.Path(source[0]).name)
     return bank, largest
 
 
@@ -209,7 +218,7 @@ def main():
         print(why + ": nothing is measured" if TABLE else "1..0 # SKIP " + why)
         return 0
     if not TABLE:
-        print("1..10")
+        print("1..11")
     check_image()
     with tempfile.TemporaryDirectory(prefix="trocar-budgets-") as place:
         check_ticks(pathlib.Path(place))

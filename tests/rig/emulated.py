@@ -4,6 +4,7 @@ An emulator runs a port's controller.elf. The bus is two files in lockstep (firm
 reads is written down beforehand by tests/rig/recorder.c.
 """
 
+import json
 import os
 import pathlib
 import shutil
@@ -111,9 +112,12 @@ def record(bank, gesture, answers, ticks, *options):
 
 
 def build_bank(bank, source, *options):
-    done = subprocess.run([TROCAR, "build", source, *options, "-o", bank], timeout=SECONDS, capture_output=True, text=True)
+    """What the build says of the bank."""
+    done = subprocess.run([TROCAR, "build", source, *options, "-o", bank, "--json"], timeout=SECONDS, capture_output=True,
+                          text=True)
     if done.returncode != 0:
         raise RuntimeError(done.stderr.strip())
+    return json.loads(done.stdout)
 
 
 def build_plugin(place):

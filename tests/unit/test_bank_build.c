@@ -257,10 +257,10 @@ static void budgets_of_the_scene_hold(void **state)
     struct stat before, after;
     assert_int_equal(stat(bank_path, &before), 0);
     write_scene("4 kPa", "budget: {bank: 10 KiB}\n");
-    assert_int_equal(build(&result), STATUS_CHECK_FAILED);
+    assert_int_equal(build(&result), STATUS_BANK_LIMIT);
     assert_non_null(strstr(why.cause, "bytes"));
     write_scene("4 kPa", "budget: {force_error: 0.0000001 %}\n");
-    assert_int_equal(build(&result), STATUS_CHECK_FAILED);
+    assert_int_equal(build(&result), STATUS_BANK_LIMIT);
     assert_non_null(strstr(why.cause, "force error"));
     assert_int_equal(stat(bank_path, &after), 0); /* the old bank is untouched */
     assert_true(before.st_ino == after.st_ino);

@@ -1,0 +1,40 @@
+/* How many instructions the worst tick of a Cortex-M7 takes, bounded from what the bank says: so that a limit can be kept
+ * before there is a controller. "A tick" is firmware's node_finish_tick, from the encoder sample to the frames that wait to
+ * be sent; instructions, never microseconds.
+ *
+ *   WORST_TICK_BASE                            encoders, state, torques, the free points' look ahead
+ *   + points     WORST_TICK_POINT              collision: swept and slid along the surface
+ *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
+ *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
+ *   + (row work + overshoot) WORST_TICK_WORK   rows of the factor: the tick's share (CONT row_work) and the portion and
+ *                                              product that may pass it; none with a plain bank
+ *
+ * The coefficients are counts of the firmware's code as GCC makes it, rounded up; tests/rig/budgets.t counts ticks in an
+ * emulated Cortex-M7 on recordings that no hand could make and holds them against this bound. The solver's term is exact in
+ * the number of steps, which a real motion seldom takes, so the bound lies above what is counted. */
+#ifndef TROCAR_WORST_TICK_H
+#define TROCAR_WORST_TICK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "bank_format.h"
+#include "scene.h"
+
+#define WORST_TICK_BASE       12000.0
+#define WORST_TICK_POINT      6800.0
+#define WORST_TICK_PAIR       1600.0 /* of contacts, blocks in the table of products */
+#define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
+#define WORST_TICK_WORK       2.5    /* instructions per unit of row work (firmware/row_cache.h) */
+
+/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */
+double worst_tick(const struct bank_contact *contact, unsigned points, uint32_t max_blocks);
+
+/* The largest row_work with which the worst tick keeps `limit` (0, the image's own bound, when that does; or when limit is
+ * 0). False when not even the smallest does: then row_work is 1, and worst_tick says what it takes. */
+bool worst_tick_fit(struct bank_contact *contact, unsigned points, uint32_t max_blocks, double limit);
+
+/* Points of the scene's instrument with the most. */
+unsigned worst_tick_points(const struct scene *scene);
+
+#endif
