@@ -172,7 +172,7 @@ format: | test-packages ## lay out the C files
 	@clang-format -i $$(git ls-files '*.c' '*.h')
 
 .PHONY: budgets
-budgets: all $(B)/tests/rig/recorder | test-packages ## flash, memory, stack and instructions per tick on a Cortex-M7
+budgets: all $(B)/tests/rig/recorder | test-packages ## flash, memory, stack and instructions per tick on each port
 	@B=$(B) tests/rig/budgets.t --table
 
 .PHONY: fresh

@@ -1,4 +1,4 @@
-"""Emulated controllers (firmware/ports with a processor of their own) and recordings for them.
+"""The controller's bare-metal images (firmware/ports with a processor of their own), emulators for them, and recordings.
 
 An emulator runs a port's controller.elf. The bus is two files in lockstep (firmware/ports/lockstep.h): what the controller
 reads is written down beforehand by tests/rig/recorder.c.
@@ -21,13 +21,15 @@ TORQUES, EMERGENCY = 0x201, 0x081
 SECONDS = 500  # of a run of an emulator, after which it is taken to hang
 
 
-class Port:
-    """A port that an emulator can run. Subclasses say how."""
+class Image:
+    """A port's image. Those that an emulator can run say how in `machine`."""
 
     name = None      # folder of firmware/ports
     title = None
     flags = None     # of the compiler
     script = None    # of the linker
+    compiler = ["arm-none-eabi-gcc"]
+    emulator = []
     bank_address = None
     bank_bytes = 16 << 20  # its last word is the length of what is there
 
@@ -36,12 +38,13 @@ class Port:
         self.build = BUILD / "firmware" / self.name
         self.image = self.build / "controller.elf"
 
+    def missing_compiler(self):
+        """Why it cannot be built here; None when it can."""
+        return lacking(self.compiler)
+
     def missing(self):
         """Why it cannot run here; None when it can."""
-        for program in self.programs:
-            if not shutil.which(program):
-                return program + " is not installed"
-        return None
+        return lacking(self.compiler + self.emulator)
 
     def objects(self, suffix):
         """Files that the compiler wrote for the sources that there are; older ones may lie beside them."""
@@ -67,10 +70,14 @@ class Port:
         return process
 
 
-class CortexM7(Port):
+def lacking(programs):
+    return next((program + " is not installed" for program in programs if not shutil.which(program)), None)
+
+
+class CortexM7(Image):
     name = "cortex_m7_an500"
     title = "Cortex-M7"
-    programs = ["arm-none-eabi-gcc", "qemu-system-arm"]
+    emulator = ["qemu-system-arm"]
     flags = "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-sp-d16".split()
     script = "an500.ld"
     bank_address = 0x60000000
@@ -79,12 +86,12 @@ class CortexM7(Port):
         return ["qemu-system-arm", "-M", "mps2-an500", "-kernel", str(image)]
 
 
-class CortexR5(Port):
+class CortexR5(Image):
     """The image runs on an R5F; a Cortex-A53 of the same chip starts it and stands at the other end of its CAN bus."""
 
     name = "cortex_r5_zcu102"
     title = "Cortex-R5F"
-    programs = ["arm-none-eabi-gcc", "clang", "ld.lld", "qemu-system-aarch64"]
+    emulator = ["clang", "ld.lld", "qemu-system-aarch64"]
     flags = "-mcpu=cortex-r5 -mthumb -mfloat-abi=hard -mfpu=vfpv3xd".split()
     script = "zcu102.ld"
     bank_address = 0x10000000
@@ -98,7 +105,8 @@ class CortexR5(Port):
                 "-device", "loader,file=%s" % image]
 
 
-PORTS = [CortexM7(), CortexR5()]
+PORTS = [CortexM7(), CortexR5()]  # that an emulator can run
+COMPILED = []                     # that are built and measured only
 
 
 def native(bank, answers, out):
