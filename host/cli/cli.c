@@ -40,3 +40,8 @@ int cli_bad_option(const char *verb, int answer, char **argv, struct failure *wh
     return failure_set(why, STATUS_USAGE, NULL, remedy, "the option %.60s %s", word,
                        answer == ':' ? "needs a value" : "is not known");
 }
+
+void cli_warn(const struct failure *why)
+{
+    failure_print(stderr, why);
+}

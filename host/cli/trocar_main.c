@@ -19,6 +19,7 @@ static const struct verb {
     {"info", verb_info, "print what a bank holds"},
     {"verify", verb_verify, "check a bank's structure, and its numbers against its scene"},
     {"run", verb_run, "run device, controller and host on a simulated bus"},
+    {"device", verb_device, "put the simulated instrument on a bus"},
     {"view", verb_view, "show the organ live on a local page"},
     {"tradeoff", verb_tradeoff, "measure what accuracy costs in time and bytes"},
     {"busload", verb_busload, "compute what the protocol takes of the bus"},

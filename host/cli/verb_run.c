@@ -10,12 +10,14 @@
 #include "gestures.h"
 #include "open_bank.h"
 #include "progress.h"
+#include "remote.h"
 #include "run_report.h"
 #include "session.h"
 #include "serve_session.h"
 
 struct run {
-    const char *file, *bank_path, *out_path;
+    const char *file, *bank_path, *out_path, *bus;
+    uint64_t node; /* with bus */
     bool json, view, hold;
     int port; /* -1: not given */
     struct session_options options;
@@ -40,7 +42,9 @@ enum {
     OPTION_HOLD,
     OPTION_BANK,
     OPTION_PRINT_GESTURE,
-    OPTION_DEVICE
+    OPTION_DEVICE,
+    OPTION_BUS,
+    OPTION_NODE
 };
 
 static const struct option long_options[] = {{"help", no_argument, NULL, OPTION_HELP},
@@ -49,6 +53,8 @@ static const struct option long_options[] = {{"help", no_argument, NULL, OPTION_
                                              {"output", required_argument, NULL, 'o'},
                                              {"bank", required_argument, NULL, OPTION_BANK},
                                              {"device", required_argument, NULL, OPTION_DEVICE},
+                                             {"bus", required_argument, NULL, OPTION_BUS},
+                                             {"node", required_argument, NULL, OPTION_NODE},
                                              {"json", no_argument, NULL, OPTION_JSON},
                                              {"torque-log", required_argument, NULL, OPTION_TORQUE_LOG},
                                              {"no-fem", no_argument, NULL, OPTION_NO_FEM},
@@ -65,7 +71,8 @@ static const struct option long_options[] = {{"help", no_argument, NULL, OPTION_
 static void help(void)
 {
     printf(
-        "usage: trocar run SCENE.yaml|BANK [options]\n\n"
+        "usage: trocar run SCENE.yaml|BANK [options]\n"
+        "       trocar run --bus BUS [--node N] [--ticks N] [--torque-log FILE] [--json]\n\n"
         "Runs the simulated instrument and hand, the controller and the host on a simulated CAN bus, 1 ms a tick, in\n"
         "lockstep: the same input gives the same torques, byte for byte. A scene's bank is built first.\n\n"
         "  -g, --gesture G        what the hand does: %s, or a file (default press)\n"
@@ -84,7 +91,12 @@ static void help(void)
         "      --view             serve the live page on 127.0.0.1, in real time\n"
         "      --port P           of the page (default %d, or any free one)\n"
         "      --hold             keep the page up afterwards, until Ctrl-C\n"
-        "      --json             one JSON object on stdout\n\n"
+        "      --json             one JSON object on stdout\n"
+        "      --bus BUS          socketcan:IF or slcan:TTY: the host of a controller that is out there, and nothing "
+        "else;\n"
+        "                         trocar device puts a simulated instrument there (default: soft, all in this "
+        "program)\n"
+        "      --node N           the controller's, with --bus (default 1)\n\n"
         "Exit code 9: the controller ended in the state SAFE, or had not come to RUN in %d ticks; whether a shorter "
         "run\n"
         "came to RUN is not judged.\n",
@@ -179,6 +191,12 @@ static int parse(struct run *run, int argc, char **argv, bool *done, struct fail
         case OPTION_DEVICE:
             run->options.device = optarg;
             break;
+        case OPTION_BUS:
+            run->bus = strcmp(optarg, "soft") ? optarg : NULL;
+            break;
+        case OPTION_NODE:
+            status = cli_whole("--node", optarg, 1, 126, &run->node, why);
+            break;
         case OPTION_JSON:
             run->json = true;
             break;
@@ -216,6 +234,13 @@ static int parse(struct run *run, int argc, char **argv, bool *done, struct fail
         }
     if (status)
         return status;
+    if (run->bus)
+        return optind == argc ? STATUS_OK
+                              : failure_set(why, STATUS_USAGE, NULL,
+                                            "leave the scene out; trocar device SCENE --bus BUS has the instrument",
+                                            "with --bus run is the host alone, which needs no scene");
+    if (run->node)
+        return failure_set(why, STATUS_USAGE, NULL, "add --bus, or leave it out", "--node goes with --bus");
     if (optind != argc - 1)
         return failure_set(why, STATUS_USAGE, NULL, "see trocar run --help", "%s",
                            optind >= argc ? "no scene or bank is given" : "run takes one scene or bank");
@@ -332,6 +357,13 @@ int verb_run(int argc, char **argv, struct failure *why)
     int status = parse(&run, argc, argv, &done, why);
     if (status || done)
         return status;
+    if (run.bus) {
+        const struct remote_options remote = {.bus = run.bus,
+                                              .torque_log = run.options.torque_log,
+                                              .node = run.node ? (uint8_t)run.node : SESSION_NODE,
+                                              .ticks = run.options.ticks};
+        return run_remote(&remote, run.json, why);
+    }
     status = find_bank(&run, why);
     if (status)
         return status;

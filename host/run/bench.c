@@ -1,6 +1,8 @@
 #include "bench.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "collide.h"
 
@@ -26,6 +28,24 @@ int bench_device(const char *name, const struct bank_tool *tool, struct device_m
     model->gravity_N = (double)tool->gravity_N;
     model->gravity_arm_m = (double)tool->gravity_arm_m;
     return STATUS_OK;
+}
+
+int bench_choose(const char *name, const struct bank_file *bank, struct device_model *model, struct failure *why)
+{
+    const struct bank_tool *tool = &bank->view.tools[0];
+    struct failure unreadable;
+    if (name || !bank->scene_text)
+        return bench_device(name, tool, model, why);
+    struct scene *scene = calloc(1, sizeof *scene);
+    if (!scene)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
+    const char *text = bank->scene_text;
+    if (!scene_parse(text, strlen(text), "the bank's scene", scene, &unreadable) && scene->instrument_count > 0 &&
+        *scene->instrument[0].device)
+        name = scene->instrument[0].device;
+    int status = bench_device(name, tool, model, why);
+    free(scene);
+    return status;
 }
 
 int bench_hand(const struct bank_view *bank, struct hand *hand, struct failure *why)

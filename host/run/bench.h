@@ -2,6 +2,7 @@
 #ifndef TROCAR_BENCH_H
 #define TROCAR_BENCH_H
 
+#include "bank.h"
 #include "bank_view.h"
 #include "device.h"
 #include "failure.h"
@@ -10,6 +11,9 @@
 /* The mechanics of the device called `name` (NULL: the reference device) with the calibration of the bank's `tool`:
  * what is simulated is a device that the bank was built for. */
 int bench_device(const char *name, const struct bank_tool *tool, struct device_model *model, struct failure *why);
+
+/* The same; without a name, the device of the scene that the bank was built from, whether or not its mesh is at hand. */
+int bench_choose(const char *name, const struct bank_file *bank, struct device_model *model, struct failure *why);
 
 /* A relaxed hand. Its touch point is where the instrument's axis meets the body, less what the leading tool point stands
  * ahead of the tip's centre, so that depth 0 of a gesture is first touch; it starts drawn back, 2 % of the range from the

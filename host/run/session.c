@@ -122,25 +122,6 @@ static int read_gesture(struct session *s, struct failure *why)
     return status ? failure_at(why, (enum status)status, name, line, NULL, "%s", message) : STATUS_OK;
 }
 
-/* The device is the option's, else that of the scene the bank was built from, whether or not its mesh is at hand. */
-static int choose_device(struct session *s, struct failure *why)
-{
-    const struct bank_tool *tool = &s->bank->view.tools[0];
-    struct failure unreadable;
-    if (s->options.device || !s->bank->scene_text)
-        return bench_device(s->options.device, tool, &s->model, why);
-    struct scene *scene = calloc(1, sizeof *scene);
-    if (!scene)
-        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
-    const char *text = s->bank->scene_text, *name = NULL;
-    if (!scene_parse(text, strlen(text), "the bank's scene", scene, &unreadable) && scene->instrument_count > 0 &&
-        *scene->instrument[0].device)
-        name = scene->instrument[0].device;
-    int status = bench_device(name, tool, &s->model, why);
-    free(scene);
-    return status;
-}
-
 static int attach(struct session *s, struct failure *why)
 {
     s->bus = bus_create(SESSION_BIT_RATE);
@@ -170,7 +151,7 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     s->wants_start = true;
     int status = read_gesture(s, why);
     if (!status)
-        status = choose_device(s, why);
+        status = bench_choose(s->options.device, bank, &s->model, why);
     if (!status)
         status = bench_hand(&bank->view, &s->hand, why);
     s->hand.gesture = &s->gesture;

@@ -54,7 +54,7 @@ void torque_log_frame(struct torque_log *log, const struct can_frame_t *frame, u
     if (!log->digest)
         return; /* closed */
     char line[CANDUMP_LINE];
-    size_t length = candump_format(line, "soft", frame, time_us);
+    size_t length = candump_format(line, log->interface ? log->interface : "soft", frame, time_us);
     EVP_DigestUpdate(log->digest, line, length);
     log->frames++;
     if (log->file && !log->error && fwrite(line, 1, length, log->file) != length)

@@ -13,7 +13,8 @@
 struct torque_log {
     FILE *file; /* NULL: only the hash */
     char *path, *temporary;
-    void *digest; /* EVP_MD_CTX */
+    const char *interface; /* as candump names it; NULL: soft */
+    void *digest;          /* EVP_MD_CTX */
     uint64_t frames;
     int error; /* errno of the first write that failed */
 };

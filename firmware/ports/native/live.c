@@ -1,0 +1,175 @@
+/* A bus of this machine.
+ *
+ * Time is the monotonic clock's. The wait for the encoder frame ends with the frame (poll); that for the next tick sleeps to an
+ * absolute time, and takes frames that came meanwhile afterwards. A frame that the bus has no room for is dropped at once and
+ * counted by the loop: an old torque must not go out late.
+ *
+ * Following (native_options.follow), ticks begin with the SYNC of somebody else: the time is that of its ticks, LOOP_TICK_US
+ * from one to the next, whatever the clock says, and a sample is waited for until then. So a recording
+ * (SYNC, encoders, NMT) that is played into the bus at any speed gives the torques of the run it is of. */
+#include "native.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "backend.h"
+#include "loop.h"
+#include "wire.h"
+
+enum { LOOK_NS = 100000000 /* how often a wait without end looks whether it should stop */ };
+
+static struct {
+    struct native_options options;
+    struct backend *backend;
+    uint64_t start_ns;
+    bool sampling;    /* SYNC was sent, the torque not yet */
+    bool have;        /* `next` was taken from the bus, and not yet by the loop */
+    bool began;       /* following: the SYNC of this tick has been taken */
+    uint64_t tick_us; /* following: when this tick began */
+    struct backend_received next;
+    uint64_t ticks;
+    struct lateness lateness;
+} live;
+
+static uint64_t period_ns(uint64_t us)
+{
+    return us * 1000 * live.options.slow;
+}
+
+static uint64_t time_us(void)
+{
+    if (live.options.follow)
+        return live.tick_us;
+    return (realtime_now_ns() - live.start_ns) / 1000 / live.options.slow;
+}
+
+/* A frame into `next`, waiting so long for it. A bus that went down is said once; the loop goes on without frames. */
+static bool fetch(int64_t wait_us)
+{
+    struct failure why = {0};
+    if (live.have)
+        return true;
+    const int status = backend_receive(live.backend, &live.next, wait_us, &why);
+    if (status < 0) {
+        failure_print(stderr, &why);
+        if (status != STATUS_BUS_DOWN && status != STATUS_BUS_LOST)
+            native_stop();
+    }
+    live.have = status == 1;
+    return live.have;
+}
+
+static bool is_sync(const struct can_frame_t *frame)
+{
+    return frame->id == WIRE_SYNC_ID && frame->flags == 0;
+}
+
+static bool receive(struct can_frame_t *frame)
+{
+    if (!fetch(0) || (live.options.follow && is_sync(&live.next.frame)))
+        return false;
+    *frame = live.next.frame;
+    live.have = false;
+    return true;
+}
+
+static bool transmit(const struct can_frame_t *frame)
+{
+    struct failure why = {0};
+    if (is_sync(frame)) {
+        live.sampling = true;
+        live.ticks++;
+        if (live.options.follow)
+            return true; /* another's */
+    } else if (frame->id == WIRE_TORQUES_ID + (uint32_t)live.options.node) {
+        live.sampling = false;
+        if (live.ticks == live.options.ticks)
+            native_stop();
+    }
+    const int status = backend_send(live.backend, frame, 0, &why);
+    if (status < 0)
+        failure_print(stderr, &why);
+    return status == 1;
+}
+
+/* Following: until the SYNC of the next tick, or a frame for the loop. */
+static uint64_t wait_for_sync(uint64_t until_us)
+{
+    while (native_running()) {
+        if (!fetch(LOOK_NS / 1000))
+            continue;
+        if (!is_sync(&live.next.frame))
+            return live.tick_us;
+        if (!live.began) { /* of the tick that the loop has begun */
+            live.began = true;
+            live.have = false;
+            continue;
+        }
+        if (!live.sampling) { /* the torque has gone: this SYNC begins the next tick */
+            live.have = false;
+            live.tick_us = until_us;
+        }
+        return until_us; /* else: it ends the wait for a sample, and is met again */
+    }
+    return until_us;
+}
+
+static uint64_t wait_us(uint64_t until_us)
+{
+    if (live.options.follow)
+        return live.ticks ? wait_for_sync(until_us) : until_us; /* before the first tick: a refusal is let out */
+    const uint64_t until_ns = live.start_ns + period_ns(until_us);
+    if (live.sampling) {
+        const uint64_t now_ns = realtime_now_ns();
+        if (now_ns < until_ns)
+            fetch((int64_t)((until_ns - now_ns) / 1000 + 1));
+        return time_us();
+    }
+    const int64_t late_ns = realtime_sleep(until_ns);
+    if (late_ns >= 0)
+        lateness_add(&live.lateness, late_ns);
+    else if (!native_running())
+        return until_us;
+    return time_us();
+}
+
+static struct can_errors errors(void)
+{
+    const struct backend_counters *c = backend_counters(live.backend);
+    return (struct can_errors){.receive_overflows = (uint32_t)(c->dropped + c->overflows),
+                               .error_passive = (uint32_t)c->passive,
+                               .bus_off = (uint32_t)c->bus_off};
+}
+
+const struct native_bus live_bus = {time_us, wait_us, receive, transmit, errors};
+
+int live_open(const struct native_options *options)
+{
+    const struct backend_filter wanted[] = {
+        {WIRE_ENCODERS_ID + (uint32_t)options->node, 0x7FF}, {WIRE_NMT_ID, 0x7FF}, {WIRE_SYNC_ID, 0x7FF}};
+    const struct backend_options bus = {.filter = wanted, .filters = options->follow ? 3 : 2};
+    struct failure why = {0};
+    live.options = *options;
+    const int status = backend_open(options->bus, &bus, &live.backend, &why);
+    if (status) {
+        failure_print(stderr, &why);
+        return status_exit_code(status);
+    }
+    if (!options->follow)
+        realtime_enter();
+    live.start_ns = realtime_now_ns();
+    return 0;
+}
+
+void live_close(FILE *out)
+{
+    const struct backend_counters *c = backend_counters(live.backend);
+    if (!live.options.follow) {
+        lateness_print(out, "wake-up lateness", &live.lateness);
+        realtime_print(out);
+    }
+    fprintf(out, "%llu ticks; frames: %llu sent, %llu without room, %llu received, %llu lost\n",
+            (unsigned long long)live.ticks, (unsigned long long)c->sent, (unsigned long long)c->no_room,
+            (unsigned long long)c->received, (unsigned long long)c->dropped);
+    backend_close(live.backend);
+}

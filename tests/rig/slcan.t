@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+# not sanitised: it runs the native controller, which is built once
+"""Controller, simulated instrument and host as three programs on a bus of SLCAN adapters (pseudo-terminals): what passes decodes
+with the DBC by a reader that shares no code with us, and each torque answers the sample before it."""
+
+import json
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import session_log
+
+B = os.environ.get("B", "build")
+TROCAR, CONTROLLER, PROBE = B + "/trocar", B + "/firmware/native/controller.elf", B + "/tests/rig/socketcan_probe"
+GESTURE = "approach 0.1 s\npress 8 mm in 0.15 s\npress 0 mm in 0.1 s\nretract 0.1 s\n"
+TICKS = 500
+count = failed = 0
+
+
+def check(claim, good, detail=""):
+    global count, failed
+    count += 1
+    failed += not good
+    print("%sok %d - %s" % ("" if good else "not ", count, claim), flush=True)
+    if not good:
+        print("".join("# %s\n" % line for line in str(detail).splitlines()), end="")
+
+
+def session(place, slow):
+    """One run; its log, the host's report, and what the three said."""
+    folder = place / ("slow%d" % slow)
+    folder.mkdir()
+    hub = subprocess.Popen([sys.executable, "tests/rig/slcan_hub.py", folder, "3"])
+    while not (folder / "ready").exists():
+        assert hub.poll() is None
+        os.sched_yield()
+    bus = ["slcan:%s/%d" % (folder, i) for i in range(3)]
+    said = [open(folder / name, "w+") for name in ("controller", "device", "host")]
+    controller = subprocess.Popen([CONTROLLER, place / "bank", "--bus", bus[0], "--slow", str(slow)], stderr=said[0])
+    device = subprocess.Popen([TROCAR, "device", place / "bank", "--bus", bus[1], "--gesture", place / "gesture"],
+                              stderr=said[1])
+    host = subprocess.run([TROCAR, "run", "--bus", bus[2], "--ticks", str(TICKS), "--json"], stdout=subprocess.PIPE,
+                          stderr=said[2])
+    codes = [host.returncode]
+    for process in (device, controller, hub):
+        process.send_signal(signal.SIGINT)
+        codes.append(process.wait())
+    texts = []
+    for file in said:
+        file.seek(0)
+        texts.append(file.read())
+    report = json.loads(host.stdout) if host.stdout.strip() else {}
+    return session_log.Log(folder / "log"), report, codes, texts
+
+
+def main():
+    with tempfile.TemporaryDirectory() as name:
+        place = pathlib.Path(name)
+        (place / "gesture").write_text(GESTURE)
+        subprocess.run([PROBE, "bank", place / "bank"], check=True)
+        for slow in (4, 40):  # a machine that is busy with other things is given more time
+            log, report, codes, texts = session(place, slow)
+            if log.touching and log.enabled > TICKS // 2 and codes == [0, 0, 0, 0]:
+                break
+        print("# %d ticks of %d ms: %s; %.3f N; %s" % (log.ticks, slow, dict(log.frames), log.peak_N, texts[0].splitlines()[:1]))
+        check("all three come up, run and end well", codes == [0, 0, 0, 0] and report.get("ran"), (codes, report, texts))
+        check("every frame decodes, and SYNC and encoders miss no number", not log.faults, log.faults[:20])
+        check("torque is on, and the organ pushes back", log.enabled > TICKS // 2 and log.touching > 0, vars(log).keys())
+        check("a torque carries the number of the sample before it", log.answered >= 0.9 * len(log.torques),
+              "%d of %d" % (log.answered, len(log.torques)))
+        check("the host decodes the same largest force", abs(report.get("peak_force_N", -1) - log.peak_N) <= 1e-6 * log.peak_N,
+              (report, log.peak_N))  # the steps of the wire are single precision with us
+        refused = subprocess.run([TROCAR, "run", "--bus", "slcan:%s/none" % place], stderr=subprocess.PIPE, text=True)
+        check("a line that is not there is told in one line", refused.returncode == 8 and refused.stderr.count("\n") == 1 and
+              "BUS_INTERFACE" in refused.stderr, refused.stderr)
+    print("1..%d" % count)
+    return 1 if failed else 0
+
+
+sys.exit(main())
