@@ -12,7 +12,7 @@
 typedef int verb_function(int argc, char **argv, struct failure *why);
 
 verb_function verb_mesh, verb_build, verb_info, verb_verify, verb_run, verb_view, verb_tradeoff, verb_explain;
-verb_function verb_busload, verb_device;
+verb_function verb_device, verb_busload, verb_monitor, verb_record, verb_replay, verb_bridge, verb_doctor;
 
 /* Parse "0.214", a positive finite number of metres, or fail with STATUS_USAGE naming the option. */
 int cli_positive(const char *option, const char *text, double *value, struct failure *why);

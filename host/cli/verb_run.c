@@ -7,6 +7,7 @@
 
 #include "bank.h"
 #include "cli.h"
+#include "faults_option.h"
 #include "gestures.h"
 #include "open_bank.h"
 #include "progress.h"
@@ -103,51 +104,6 @@ static void help(void)
         gesture_names(), device_model_names(), (int)VIEW_DEFAULT_PORT, (int)SESSION_WAIT_TICKS);
 }
 
-static int parse_faults(const char *list, struct bus_faults *faults, struct failure *why)
-{
-    const struct {
-        const char *key;
-        double *probability;
-        uint32_t *number;
-        uint64_t most;
-    } keys[] = {
-        {"drop", &faults->drop, NULL, 0},        {"duplicate", &faults->duplicate, NULL, 0},
-        {"delay", &faults->delay, NULL, 0},      {"corrupt", &faults->corrupt, NULL, 0},
-        {"reorder", &faults->reorder, NULL, 0},  {"delay_us", NULL, &faults->delay_us, 1000000},
-        {"from", NULL, &faults->id_from, 0x7FF}, {"to", NULL, &faults->id_to, 0x7FF},
-    };
-    char text[200], *rest = NULL;
-    if (snprintf(text, sizeof text, "%s", list) >= (int)sizeof text)
-        return failure_set(why, STATUS_USAGE, NULL, NULL, "--faults: the list is too long");
-    for (char *word = strtok_r(text, ",", &rest); word; word = strtok_r(NULL, ",", &rest)) {
-        char *equals = strchr(word, '='), *end = NULL;
-        size_t k = 0;
-        if (equals)
-            *equals = 0;
-        while (k < sizeof keys / sizeof keys[0] && strcmp(keys[k].key, word) != 0)
-            k++;
-        if (!equals || k == sizeof keys / sizeof keys[0])
-            return failure_set(why, STATUS_USAGE, NULL, "see trocar run --help", "--faults: \"%.40s\" is not KEY=VALUE",
-                               word);
-        if (keys[k].number) {
-            uint64_t n = 0;
-            char option[60];
-            snprintf(option, sizeof option, "--faults %s", keys[k].key);
-            int status = cli_whole(option, equals + 1, 0, keys[k].most, &n, why);
-            if (status)
-                return status;
-            *keys[k].number = (uint32_t)n;
-            continue;
-        }
-        double p = strtod(equals + 1, &end);
-        if (end == equals + 1 || *end || !(p >= 0 && p <= 1))
-            return failure_set(why, STATUS_USAGE, NULL, NULL,
-                               "--faults: %s takes a probability from 0 to 1, not \"%.40s\"", word, equals + 1);
-        *keys[k].probability = p;
-    }
-    return STATUS_OK;
-}
-
 static int print_gesture(const char *name, struct failure *why)
 {
     const char *text = gesture_builtin(name);
@@ -211,7 +167,7 @@ static int parse(struct run *run, int argc, char **argv, bool *done, struct fail
             run->options.fem_every = (uint32_t)n;
             break;
         case OPTION_FAULTS:
-            status = parse_faults(optarg, &run->options.faults, why);
+            status = faults_option(optarg, &run->options.faults, why);
             break;
         case OPTION_SEED:
             status = cli_whole("--seed", optarg, 0, UINT64_MAX, &run->options.faults.seed, why);

@@ -98,6 +98,9 @@ static bool plain(const struct mirror *mirror, const struct can_frame_t *torques
 static bool end(struct mirror *mirror, const struct can_frame_t *torques)
 {
     size_t taken = mirror->pending_count;
+    while (!torques && mirror->any_sync && taken > 0 &&
+           mirror->pending_us[taken - 1] > mirror->sync_us + LOOP_SAMPLE_WAIT_US)
+        taken--;
     const bool choice = torques && taken > 0 && !plain(mirror, torques);
     if (choice)
         save(mirror);
@@ -113,8 +116,9 @@ static bool end(struct mirror *mirror, const struct can_frame_t *torques)
         taken = mirror->pending_count;
         compute(mirror, taken);
     }
-    mirror->late += mirror->pending_count - taken;
+    mirror->late += torques ? mirror->pending_count - taken : 0;
     mirror->pending_count -= taken;
+    memmove(mirror->pending_us, mirror->pending_us + taken, mirror->pending_count * sizeof mirror->pending_us[0]);
     memmove(mirror->pending, mirror->pending + taken, mirror->pending_count * sizeof mirror->pending[0]);
     mirror->past[mirror->ticks % MIRROR_PAST] = mirror->torques;
     mirror->missing[mirror->ticks % MIRROR_PAST] = !torques;
@@ -239,12 +243,14 @@ static enum mirror_verdict receive_torques(struct mirror *mirror, const struct c
     return MIRROR_DIFFERS;
 }
 
-static void pend(struct mirror *mirror, const struct can_frame_t *frame)
+static void pend(struct mirror *mirror, const struct can_frame_t *frame, uint64_t time_us)
 {
     if (mirror->pending_count == MIRROR_PENDING) { /* more than a controller's tick can have: the oldest go in */
         node_receive(&mirror->node, &mirror->pending[0]);
         memmove(mirror->pending, mirror->pending + 1, --mirror->pending_count * sizeof mirror->pending[0]);
+        memmove(mirror->pending_us, mirror->pending_us + 1, mirror->pending_count * sizeof mirror->pending_us[0]);
     }
+    mirror->pending_us[mirror->pending_count] = time_us;
     mirror->pending[mirror->pending_count++] = *frame;
 }
 
@@ -255,7 +261,7 @@ static void follow(struct mirror *mirror, unsigned state)
     if (!mirror->joined || state != SAFETY_RUN || mirror->node.controller.safety.state != SAFETY_READY)
         return;
     wire_nmt_pack(frame.data, &(struct wire_nmt){.command = 1, .node = mirror->node.node_id});
-    pend(mirror, &frame);
+    pend(mirror, &frame, mirror->sync_us);
 }
 
 static enum mirror_verdict receive_health(struct mirror *mirror, const struct can_frame_t *frame)
@@ -267,7 +273,11 @@ static enum mirror_verdict receive_health(struct mirror *mirror, const struct ca
     follow(mirror, m.state);
     if (m.page == 4 && mirror->joined && !mirror->open)
         mirror->node.controller.tick_count = m.tick;
-    if (m.page != TELEMETRY_HEALTH_PAGES - 1 || m.hash_tick != (uint16_t)c->tick_count)
+    if (m.page != TELEMETRY_HEALTH_PAGES - 1)
+        return MIRROR_NOTHING;
+    if (mirror->open && m.hash_tick == (uint16_t)(c->tick_count + 1))
+        mirror_finish(mirror); /* telemetry follows the torque frame: that was not heard */
+    if (m.hash_tick != (uint16_t)c->tick_count)
         return MIRROR_NOTHING;
     const bool agrees = m.state_hash == state_hash(c);
     mirror->hashes_agreed += agrees;
@@ -291,6 +301,6 @@ enum mirror_verdict mirror_receive(struct mirror *mirror, const struct can_frame
     else if (frame->id == WIRE_HEARTBEAT_ID + node && frame->length == WIRE_HEARTBEAT_LENGTH && frame->data[0] == 0)
         start(mirror);
     else if (frame->id == WIRE_ENCODERS_ID + node || frame->id == WIRE_NMT_ID)
-        pend(mirror, frame);
+        pend(mirror, frame, time_us);
     return MIRROR_NOTHING;
 }

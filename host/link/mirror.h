@@ -5,7 +5,8 @@
  * A tick begins with SYNC (or, when that was lost, with the torque frame) and ends with the controller's torque frame, with
  * which the mirror's own is compared. Frames for the controller that came in between are given to it in their order. Which of
  * them came too late for it is not seen on the bus; where there is a choice (no sample, several, or a command), the longest
- * part of them is taken with which the torques agree, and the rest waits for the next tick. SYNC's counter tells of ticks that
+ * part of them is taken with which the torques agree, and the rest waits for the next tick. Without a torque frame, what came
+ * later than a controller waits for its sample is left. SYNC's counter tells of ticks that
  * were lost altogether.
  *
  * A boot-up heartbeat starts the mirror anew. One that joins a controller in the middle of its run knows neither its contacts
@@ -52,6 +53,7 @@ struct mirror {
     bool missing[MIRROR_PAST];            /* the controller's was not heard */
     size_t pending_count, row_bytes;
     struct can_frame_t pending[MIRROR_PENDING];
+    uint64_t pending_us[MIRROR_PENDING];
     unsigned char *rows, *saved_rows;
     struct node saved;
 };
