@@ -109,9 +109,10 @@ int material_find(const struct scene *scene, const struct mesh *mesh, struct mat
     size_t elements = mesh->tetrahedron_count;
     uint8_t *material_of = malloc(elements + 1);
     *materials = (struct materials){.hooke = malloc((scene->material_count + 1) * sizeof *materials->hooke),
-                                    .of = malloc((elements + 1) * sizeof *materials->of)};
+                                    .of = malloc((elements + 1) * sizeof *materials->of),
+                                    .mass_kg = malloc((elements + 1) * sizeof *materials->mass_kg)};
     int status = STATUS_OK;
-    if (!material_of || !materials->hooke || !materials->of)
+    if (!material_of || !materials->hooke || !materials->of || !materials->mass_kg)
         status = failure_set(why, STATUS_MEMORY, mesh->path, NULL, "no memory for the materials");
     if (status == STATUS_OK)
         status = scene_materials(scene, mesh, material_of, why);
@@ -119,8 +120,8 @@ int material_find(const struct scene *scene, const struct mesh *mesh, struct mat
         status = own_tensor(scene, &scene->material[m], &materials->hooke[m], why);
     for (size_t e = 0; e < elements && status == STATUS_OK; e++) {
         materials->of[e] = material_of[e];
-        materials->mass_kg += scene->material[material_of[e]].rho_kg_m3 *
-                              element_geometry(mesh->nodes, mesh->tetrahedra + 4 * e).volume_m3;
+        materials->mass_kg[e] = scene->material[material_of[e]].rho_kg_m3 *
+                                element_geometry(mesh->nodes, mesh->tetrahedra + 4 * e).volume_m3;
     }
     if (status == STATUS_OK)
         status = turn(scene, mesh, materials, why);
@@ -132,5 +133,6 @@ void material_free(struct materials *materials)
 {
     free(materials->hooke);
     free(materials->of);
+    free(materials->mass_kg);
     *materials = (struct materials){0};
 }

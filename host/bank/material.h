@@ -8,7 +8,7 @@
 struct materials {
     struct hooke *hooke; /* one per material of the scene, then one per element whose directions are data */
     uint32_t *of;        /* per element: its number in `hooke` */
-    double mass_kg;      /* of the body */
+    double *mass_kg;     /* per element */
 };
 
 /* Every material of the scene is stable (hooke.h) and has a density; no mesh is needed. STATUS_MODEL_MATERIAL. */

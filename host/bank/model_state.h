@@ -19,7 +19,8 @@ struct model {
     uint32_t *node;   /* per unknown: its node */
     size_t unknowns;
     bool *fixed_vertex; /* per surface vertex: all three components fixed */
-    double mass_kg;
+    double *mass_kg;    /* lumped, per unknown (modes.h) */
+    double total_mass_kg;
     cholmod_common common;
     cholmod_sparse *K;       /* lower half */
     cholmod_factor *pattern; /* of the factor: order and supernodes; NULL before model_order */
