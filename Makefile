@@ -45,7 +45,7 @@ HOST_OBJ := $(HOST_SRC:%.c=$(B)/obj/%.o) $(HOST_ASM:%.S=$(B)/obj/%.o)
 TEST_SRC := $(wildcard tests/*/test_*.c) tests/rig/recorder.c tests/rig/socketcan_probe.c
 TEST_BIN := $(TEST_SRC:tests/%.c=$(B)/tests/%)
 # Tests that run a second time under the sanitisers: bad input and the loop, not the long accuracy runs.
-SANITISED_DIRS := unit hard wire loop fuzz
+SANITISED_DIRS := unit hard wire loop can fuzz
 
 Q := $(if $(V),,@)
 say = @printf '  %-4s %s\n' $(1) $(2)

@@ -72,18 +72,13 @@ static void leave(struct xilinx_can *c)
 {
     reset(c);
     c->off = true;
-    c->back_us = c->time_us + (RECOVERY_BITS * 1000000u + c->settings.bit_rate - 1) / c->settings.bit_rate;
+    c->back_us = 0; /* the next poll says when */
 }
 
-void xilinx_can_poll(struct xilinx_can *c, uint64_t time_us)
+/* Count what happened. */
+static void watch(struct xilinx_can *c)
 {
     struct xilinx_can_registers *r = c->registers;
-    c->time_us = time_us;
-    if (c->off) {
-        if (time_us >= c->back_us)
-            configure(c);
-        return;
-    }
     uint32_t interrupts = register_read(&r->interrupts), counters = register_read(&r->error_counters);
     uint32_t state = register_read(&r->status) >> SR_STATE_SHIFT & SR_STATE_MASK;
     c->transmit_errors = counters & 0xFFu;
@@ -99,6 +94,16 @@ void xilinx_can_poll(struct xilinx_can *c, uint64_t time_us)
         c->errors.bus_off++;
         leave(c);
     }
+}
+
+void xilinx_can_poll(struct xilinx_can *c, uint64_t time_us)
+{
+    if (!c->off)
+        watch(c);
+    if (c->off && c->back_us == 0)
+        c->back_us = time_us + (RECOVERY_BITS * 1000000u + c->settings.bit_rate - 1) / c->settings.bit_rate;
+    else if (c->off && time_us >= c->back_us)
+        configure(c);
 }
 
 bool xilinx_can_receive(struct xilinx_can *c, struct can_frame_t *frame)
@@ -156,12 +161,13 @@ bool xilinx_can_transmit_urgent(struct xilinx_can *c, const struct can_frame_t *
     if (!fits(c, frame))
         return false;
     if (register_read(&c->registers->status) & SR_URGENT_FULL) {
-        c->errors.aborted++;
-        if (register_read(&c->registers->error_counters) & 0xFFu) {
-            leave(c);
+        watch(c); /* first of all: bus-off clears the error counters */
+        if (c->off)
             return false;
-        }
-        if (!reset(c) || !configure(c))
+        c->errors.aborted++;
+        if (c->transmit_errors > 0)
+            leave(c);
+        if (c->off || !reset(c) || !configure(c))
             return false;
     }
     put(&c->registers->urgent, frame);

@@ -74,7 +74,7 @@ struct xilinx_can {
     struct can_errors errors;
     uint32_t transmit_errors, receive_errors; /* the controller's own counters (ISO 11898-1), as last polled */
     bool passive;                             /* error-passive when last polled */
-    bool off;                                 /* off the bus: silent until back_us */
+    bool off;                                 /* off the bus, silent until back_us */
     uint64_t time_us;                         /* of the last poll */
     uint64_t back_us;
 };
