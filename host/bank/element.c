@@ -59,11 +59,33 @@ static int gradient(enum element_order order, size_t node, struct gradient_term 
     return 2;
 }
 
+void element_gradients(const struct element *element, enum element_order order, const double L[4],
+                       double (*gradients)[3])
+{
+    for (size_t j = 0; j < element_nodes(order); j++) {
+        struct gradient_term term[2];
+        int terms = gradient(order, j, term);
+        for (int a = 0; a < 3; a++) {
+            gradients[j][a] = 0;
+            for (int p = 0; p < terms; p++)
+                gradients[j][a] +=
+                    (term[p].constant + term[p].slope * L[term[p].along]) * element->shape_1_m[term[p].corner][a];
+        }
+    }
+}
+
 /* Mean over the element of (c + s L_i)(d + t L_j): the mean of L is 1/4, that of L_i L_j 1/20, of L_i^2 1/10. */
 static double mean_product(const struct gradient_term *x, const struct gradient_term *y)
 {
     return x->constant * y->constant + (x->constant * y->slope + x->slope * y->constant) / 4 +
            x->slope * y->slope * (x->along == y->along ? 2 : 1) / 20;
+}
+
+static void add_mean(const struct element *element, const struct gradient_term *term, int terms, double mean[3])
+{
+    for (int p = 0; p < terms; p++)
+        for (int a = 0; a < 3; a++)
+            mean[a] += (term[p].constant + term[p].slope / 4) * element->shape_1_m[term[p].corner][a];
 }
 
 /* V0 sum over bd of C_abcd M_bd. */
@@ -93,6 +115,13 @@ void element_add_block(const struct element *element, const struct hooke *materi
                 for (int b = 0; b < 3; b++)
                     M[a][b] += mean * alpha_p[a] * alpha_q[b];
         }
+    if (order == ELEMENT_QUADRATIC) {
+        double mean_j[3] = {0}, mean_k[3] = {0}, volume = element->volume_m3 * material->volume_Pa;
+        add_mean(element, left, lefts, mean_j);
+        add_mean(element, right, rights, mean_k);
+        for (int c = 0; c < 9; c++)
+            block[c] += volume * (mean_j[c / 3] * mean_k[c % 3] - M[c / 3][c % 3]);
+    }
     if (!material->isotropic) {
         add_anisotropic(element->volume_m3, material->C, M, block);
         return;

@@ -8,7 +8,8 @@ const unsigned char hooke_place[3][3] = {{0, 5, 4}, {5, 1, 3}, {4, 3, 2}};
 
 struct hooke hooke_isotropic(double E_Pa, double nu)
 {
-    return (struct hooke){.isotropic = true, .lame = lame_from_young(E_Pa, nu)};
+    struct lame lame = lame_from_young(E_Pa, nu);
+    return (struct hooke){.isotropic = true, .lame = lame, .volume_Pa = lame.lambda_Pa};
 }
 
 bool hooke_axes(const double along[3], const double *across, double axis[3][3])
@@ -154,6 +155,8 @@ int hooke_of_material(const struct scene *scene, const struct scene_material *m,
     hooke->C[3][3] = G[2];
     hooke->C[4][4] = G[1];
     hooke->C[5][5] = G[0];
+    double squeeze = (1 - 2 * nu[0] - 2 * nu[1]) / E[0] + (1 - 2 * nu[2]) / E[1] + 1 / E[2]; /* 1/K */
+    hooke->volume_Pa = fmax(0, 1 / squeeze - 2.0 / 3 * fmin(G[0], fmin(G[1], G[2])));
     rotate(hooke->C, axis ? axis : (const double(*)[3])own);
     return STATUS_OK;
 }

@@ -22,6 +22,10 @@ struct hooke {
     bool isotropic;
     struct lame lame; /* when isotropic */
     double C[6][6];   /* Pa, when not */
+    /* The part that answers to the change of volume alone, which quadratic elements take in the mean (element.h): lambda; of
+     * an anisotropic material K - 2/3 G with the bulk modulus K under uniform pressure and the smallest G, or 0. What is
+     * left of the law without it is positive. */
+    double volume_Pa;
 };
 
 /* Place of the pair ab in Voigt's order. */

@@ -120,7 +120,6 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     model->common.supernodal = CHOLMOD_SUPERNODAL;
 
     struct holding holding = {0};
-    struct materials materials = {0};
     model->fixed_vertex = calloc(surface->vertex_count + 1, sizeof *model->fixed_vertex);
     int status = STATUS_OK;
     if (!model->fixed_vertex)
@@ -141,13 +140,14 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     if (status == STATUS_OK)
         status = number_unknowns(model, holding.fixed, why);
     if (status == STATUS_OK)
-        status = material_find(scene, mesh, &materials, why);
+        status = material_find(scene, mesh, &model->materials, why);
     if (status == STATUS_OK)
-        status = stiffness_assemble(&model->space, materials.hooke, materials.of, model->unknown, model->unknowns,
-                                    (struct springs){holding.spring}, &model->common, &model->K, why);
+        status = stiffness_assemble(&model->space, model->materials.hooke, model->materials.of, model->unknown,
+                                    model->unknowns, (struct springs){holding.spring}, &model->common, &model->K, why);
     if (status == STATUS_OK)
-        status = lump_mass(model, materials.mass_kg, why);
-    material_free(&materials);
+        status = lump_mass(model, model->materials.mass_kg, why);
+    model->spring = holding.spring;
+    holding.spring = NULL;
     holding_free(&holding);
     if (status) {
         model_free(model);
@@ -170,6 +170,8 @@ void model_free(struct model *model)
     free(model->node);
     projection_free(&model->projection);
     space_free(&model->space);
+    material_free(&model->materials);
+    free(model->spring);
     free(model->fixed_vertex);
     free(model);
 }

@@ -1,9 +1,10 @@
-/* Inside of struct model: shared by model.c, solve.c, constrained.c and compliance.c only. */
+/* Inside of struct model: shared by model.c, solve.c, constrained.c, compliance.c and nonlinear.c only. */
 #ifndef TROCAR_MODEL_STATE_H
 #define TROCAR_MODEL_STATE_H
 
 #include <cholmod.h>
 
+#include "material.h"
 #include "model.h"
 #include "projection.h"
 #include "space.h"
@@ -21,6 +22,8 @@ struct model {
     bool *fixed_vertex; /* per surface vertex: all three components fixed */
     double *mass_kg;    /* lumped, per unknown (modes.h) */
     double total_mass_kg;
+    struct materials materials;
+    double (*spring)[6]; /* per node of the space, as holding.h; NULL without ligaments */
     cholmod_common common;
     cholmod_sparse *K;       /* lower half */
     cholmod_factor *pattern; /* of the factor: order and supernodes; NULL before model_order */
@@ -35,6 +38,10 @@ struct model {
 /* Find the elimination order and the pattern of the factor of K, once: METIS' nested dissection of the nodes, whose large
  * separators come last. Compliance and solves share it. */
 int model_order(struct model *model, struct failure *why);
+
+/* u = A^-1 f for the columns of f, with a factor L of A. */
+int model_solve_with(struct model *model, cholmod_factor *L, size_t columns, const double *f, double *u,
+                     struct failure *why);
 
 /* CHOLMOD's status as ours: out of memory or too large, else a factor that does not exist. */
 int model_cholmod_failure(struct model *model, const char *what, struct failure *why);

@@ -161,9 +161,10 @@ static cholmod_dense dense(size_t rows, size_t columns, double *values)
                            .dtype = CHOLMOD_DOUBLE};
 }
 
-int model_solve(struct model *model, size_t columns, const double *f, double *u, struct failure *why)
+int model_solve_with(struct model *model, cholmod_factor *L, size_t columns, const double *f, double *u,
+                     struct failure *why)
 {
-    int status = factor(model, why);
+    int status = STATUS_OK;
     cholmod_dense *X = NULL, *Y = NULL, *E = NULL; /* kept between blocks */
     for (size_t c = 0; c < columns && status == STATUS_OK; c += SOLVE_BLOCK) {
         size_t width = columns - c < SOLVE_BLOCK ? columns - c : SOLVE_BLOCK;
@@ -171,7 +172,7 @@ int model_solve(struct model *model, size_t columns, const double *f, double *u,
         if (interrupted())
             status =
                 failure_set(why, STATUS_INTERRUPTED, NULL, NULL, "interrupted after %zu of %zu solves", c, columns);
-        else if (!cholmod_solve2(CHOLMOD_A, model->factor, &B, NULL, &X, NULL, &Y, &E, &model->common))
+        else if (!cholmod_solve2(CHOLMOD_A, L, &B, NULL, &X, NULL, &Y, &E, &model->common))
             status = model_cholmod_failure(model, "solve", why);
         else
             memcpy(u + c * model->unknowns, X->x, width * model->unknowns * sizeof *u);
@@ -180,4 +181,10 @@ int model_solve(struct model *model, size_t columns, const double *f, double *u,
     cholmod_free_dense(&Y, &model->common);
     cholmod_free_dense(&E, &model->common);
     return status;
+}
+
+int model_solve(struct model *model, size_t columns, const double *f, double *u, struct failure *why)
+{
+    int status = factor(model, why);
+    return status ? status : model_solve_with(model, model->factor, columns, f, u, why);
 }

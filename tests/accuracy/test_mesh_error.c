@@ -1,11 +1,17 @@
 /* The mesh error: how much too stiff the shown body answers to a tool of a given radius, against the same body with every
  * element cut into eight, quadratic (for linear elements that is cut twice, nearly). Stiffness is force over the
- * displacement of the tool, both under the tool's weights (patch.h), pressed along the normal at random sites.
+ * displacement of the tool, both under the tool's weights (patch.h), pressed along the normal at random sites. Geometry and
+ * clamped region are the same on both.
+ *
+ * How true the reference is: a liver of 412 nodes cut twice, into 64 parts, is softer than cut once by 0.5 % on average, at
+ * nu = 0.45 and at 0.499, and full integration of the volume (element.h), which errs to the other side, differs from it by
+ * 0.7 and 1.9 % there. With 20 mm tools next to nothing of the error comes from the weights on the shown surface, which give
+ * the compliance of the exact traction to 0.1 %; with 10 mm, below an element's size, half of it does.
  *
  * Not the bank's error, which is measured apart against an exact solve of the same discretisation.
  *
- * Short form: a small liver at one nu, whose elements are to the tool what the thesis' are. TROCAR_LONG=1: an ovoid and a
- * liver of the thesis' size, nu = 0.3 .. 0.4999. */
+ * Short form: a small liver at one nu, whose elements are to the tool what the thesis' are. TROCAR_LONG=1: an ovoid, a
+ * cylinder and a liver of the thesis' size, nu = 0.3 .. 0.4999; a table. */
 #include "patch.h"
 #include "refine.h"
 
@@ -131,8 +137,8 @@ static struct errors measure(struct specimen *s, const char *name, double nu)
     return errors;
 }
 
-/* The bound of the issue, 6 % at 20 mm, and no locking: near incompressibility P2's error may not grow by more than a
- * half, P1's doubles. */
+/* The project's promise: 6 % at 20 mm, and at most a quarter of P1's. And no locking: near incompressibility the mean error
+ * stays within 2 %, what the reference's own error explains, of what it is for the first nu; P1's grows tenfold. */
 static void check(struct specimen *s, const char *name, size_t count, const double *nu)
 {
     double first = 0;
@@ -141,7 +147,7 @@ static void check(struct specimen *s, const char *name, size_t count, const doub
         assert_true(fabs(e.worst[1][0]) < 0.06);
         assert_true(fabs(e.worst[1][0]) < fabs(e.worst[0][0]) / 4);
         first = k == 0 ? fabs(e.mean[1][0]) : first;
-        assert_true(fabs(e.mean[1][0]) < 0.02 + 1.5 * first);
+        assert_true(fabs(e.mean[1][0]) < 0.02 + first);
     }
 }
 
@@ -172,10 +178,13 @@ static void quadratic_elements_are_too_stiff_by_few_percent_under_a_tool(void **
     specimen_clamp_end(&s, 0, 0.14);
     check(&s, "ovoid", 5, all);
     specimen_free(&s);
-    if (!data(&s, "liver_smooth_1665_6691.msh", 0.214))
-        return;
-    check(&s, "liver_smooth_1665_6691", 5, all);
-    specimen_free(&s);
+    static const char *const others[] = {"cylinder_8x30x6.msh", "liver_smooth_1665_6691.msh"};
+    for (int k = 0; k < 2; k++) {
+        if (!data(&s, others[k], 0.214))
+            continue;
+        check(&s, others[k], 5, all);
+        specimen_free(&s);
+    }
 }
 
 int main(void)

@@ -1,0 +1,23 @@
+/* The compressible neo-Hookean solid, the reference for claims about depth: it is linear elasticity at small strain, is
+ * blind to rotations, and resists compression without bound, so that an element cannot be inverted (St Venant-Kirchhoff
+ * softens in compression and inverts: numerics.md).
+ *
+ *   W = int [ mu/2 (F:F - 3) - mu ln J ] dV + V lambda/2 (ln Jm)^2      F = I + grad u,  J = det F,  Jm = its mean
+ *
+ * [Bonet and Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2nd ed., 6.4.3, with the volume term of the
+ * element's mean J, so that near incompressibility does not lock]. The first Piola-Kirchhoff stress is
+ * P = mu (F - F^-t) + lambda ln J F^-t. Quadratic elements are integrated at the 4 points of degree 2. */
+#ifndef TROCAR_NEO_HOOKEAN_H
+#define TROCAR_NEO_HOOKEAN_H
+
+#include "element.h"
+
+enum { NEO_HOOKEAN_NODES = 10 };
+
+/* Energy of one element under the displacements u (3 per node, m), J; INFINITY when it is inverted at a point. Unless NULL:
+ * `force` (3 per node) takes dW/du, N, what the body needs to be held like that; `tangent` (9 per pair of nodes j, k,
+ * row-major blocks at 9 (nodes j + k)) takes d2W/du2, N/m, symmetric; `least_volume` the smallest J. */
+double neo_hookean_element(const struct element *element, struct lame material, enum element_order order,
+                           const double *u, double *force, double *tangent, double *least_volume);
+
+#endif
