@@ -104,7 +104,7 @@ static int check_anisotropic(const struct scene *scene, const struct scene_mater
 }
 
 /* C' = (R x R) C (R x R)^t with R_ai = component a of axis i, as 9 x 9 matrices over pairs of indices. */
-static void rotate(double C[6][6], const double axis[3][3])
+static void rotate(double (*C)[6], const double (*axis)[3])
 {
     double T[9][9], half[9][9];
     for (int p = 0; p < 9; p++)
