@@ -2,6 +2,7 @@
 #
 # Sources are found by pattern, so a new file needs no line here:
 #   firmware/*.c shared/*.c          freestanding, single precision      -> build/libfirmware.a
+#   firmware/effects/*.c             the same; an image has those that its scene names (shared/effects.def)
 #   firmware/ports/NAME/             a port, described by its port.mk    -> build/firmware/NAME/controller.elf
 #   host/*/*.c sim/*.c               hosted                              -> build/libtrocar.a
 #   host/*/NAME_main.c               a program of its own                -> build/NAME
@@ -35,7 +36,7 @@ FIRMWARE_FLAGS := $(FREESTANDING) $(SANITIZE)
 LIBS = -lcholmod -lcamd -lamd -lcolamd -lccolamd -lsuitesparseconfig -llapacke -lopenblas \
   $(shell pkg-config --libs $(PACKAGES)) -lm -lpthread
 
-FIRMWARE_SRC := $(wildcard firmware/*.c shared/*.c)
+FIRMWARE_SRC := $(wildcard firmware/*.c firmware/effects/*.c shared/*.c)
 HOST_SRC := $(filter-out %_main.c,$(wildcard host/*/*.c sim/*.c))
 HOST_ASM := $(wildcard host/*/*.S)
 MAINS := $(wildcard host/*/*_main.c)
@@ -111,39 +112,68 @@ $(B)/tests/%: tests/%.c $(B)/libtrocar.a $(B)/libfirmware.a | test-packages
 	$(Q)$(CC) $(CFLAGS) $(HOST_INCLUDE) -Itests -MMD -MP -MF $@.d -MT $@ $< $(B)/libtrocar.a $(B)/libfirmware.a \
 	  -o $@ -lcmocka $(LIBS)
 
+# An image: EFFECTS, names of shared/effects.def, and IMAGE, the folder below the port's. Without them it is the base image. It
+# is made of the base, its effects and the parts that these share, and says to the compiler which they are.
+EFFECTS :=
+IMAGE :=
+effect_field = $(shell sed -n 's/^EFFECT.[0-9]*, *[A-Z_]*, *$(1), *[A-Z0-9_]*, *"\([^"]*\)".*/$(2)/p' shared/effects.def)
+EFFECT_FILES := $(sort $(EFFECTS) $(foreach e,$(EFFECTS),$(call effect_field,$(e),\1)))
+IMAGE_SRC := $(wildcard firmware/*.c shared/*.c) $(EFFECT_FILES:%=firmware/effects/%.c)
+IMAGE_FLAGS := -DTROCAR_IMAGE $(EFFECTS:%=-DTROCAR_HAS_%)
+
 # A port: firmware/ports/NAME/port.mk says $(eval $(call port,NAME,compiler,flags of all objects,flags of the port's own
 # objects,link flags and libraries)), and in NAME_MORE before it what else the port is made of. The controller's objects are the freestanding ones for every port; a port whose compiler is
 # not installed is left out, and said so.
 PORTS :=
 define port
+$(1)_DIR := $(B)/firmware/$(1)$(IMAGE:%=/%)
 ifneq ($$(shell command -v $(2) 2>/dev/null)$$(filter gcc,$(2)),)
-PORTS += $(B)/firmware/$(1)/controller.elf
+PORTS += $$($(1)_DIR)/controller.elf
 else
 PORTS += without-$(1)
 endif
 .PHONY: without-$(1)
 without-$(1):
 	@echo '  port $(1) is left out: $(2) is not installed'
-$(1)_OBJ := $$(patsubst %,$(B)/firmware/$(1)/%.o,$$(basename $$(FIRMWARE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS]) $$($(1)_MORE)))
-$(B)/firmware/$(1)/firmware/ports/%.o: firmware/ports/%.c | packages
+$(1)_OBJ := $$(patsubst %,$$($(1)_DIR)/%.o,$$(basename $$(IMAGE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS]) $$($(1)_MORE)))
+$$($(1)_DIR)/firmware/ports/%.o: firmware/ports/%.c $$($(1)_DIR)/image.effects | packages
 	@mkdir -p $$(@D)
-	$$(Q)$(2) $(4) $(3) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@
-$(B)/firmware/$(1)/%.o: %.c | packages
+	$$(Q)$(2) $(4) $(3) $$(IMAGE_FLAGS) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@
+$$($(1)_DIR)/%.o: %.c $$($(1)_DIR)/image.effects | packages
 	@mkdir -p $$(@D)
-	$$(Q)$(2) $(FREESTANDING) $(3) -MMD -MP -c $$< -o $$@
-$(B)/firmware/$(1)/%.o: %.S | packages
+	$$(Q)$(2) $(FREESTANDING) $$(IMAGE_FLAGS) $(3) -MMD -MP -c $$< -o $$@
+$$($(1)_DIR)/%.o: %.S | packages
 	@mkdir -p $$(@D)
 	$$(Q)$(2) $(3) -MMD -MP -c $$< -o $$@
-$(B)/firmware/$(1)/controller.elf: $$($(1)_OBJ)
+$$($(1)_DIR)/controller.elf: $$($(1)_OBJ)
 	$$(call say,LINK,$$@)
 	$$(Q)$(2) $(3) $$($(1)_OBJ) -Wl,-Map=$$(@:.elf=.map) -o $$@ $(5)
+# which effects its objects were compiled for: they are compiled again when that changes
+$$($(1)_DIR)/image.effects: always
+	@mkdir -p $$(@D)
+	@echo '$$(EFFECTS)' | cmp -s - $$@ || echo '$$(EFFECTS)' >$$@
 endef
+.PHONY: always
+always:
 -include $(wildcard firmware/ports/*/port.mk)
 
 .PHONY: ports
-ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compiler is here
+ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compiler is here, without effects
+	@$(MAKE) --no-print-directory image IMAGE=all PORT=native EFFECTS='$(call effect_field,\([a-z_]*\),\1)'
 
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
+
+# The effects that a scene names decide what its images are made of.
+SCENE_FILE = $(if $(filter %.yaml %.bank,$(SCENE))$(findstring /,$(SCENE)),$(SCENE),host/scenes/demo/$(SCENE).yaml)
+.PHONY: firmware
+firmware: $(B)/trocar ## the controller for one scene (SCENE=name or a scene or bank file, PORT=name; default: every port)
+	@test -n '$(SCENE)' || { echo 'firmware: say for which scene: make firmware SCENE=name PORT=name' >&2; exit 2; }
+	@names=$$($(B)/trocar info --effects '$(SCENE_FILE)') && $(MAKE) --no-print-directory image \
+	  IMAGE='$(basename $(notdir $(SCENE_FILE)))' EFFECTS="$$names" PORT='$(PORT)'
+.PHONY: image
+image: $(if $(PORT),$(filter $(B)/firmware/$(PORT)/%,$(PORTS)),$(PORTS))
+	@test -n '$(if $(PORT),$(filter $(B)/firmware/$(PORT)/%,$(PORTS)),$(PORTS))' || { \
+	  echo 'firmware: there is no port $(PORT), or its compiler is not installed' >&2; exit 2; }
 
 .PHONY: demo
 demo: all | packages ## make an organ, build its bank, press it, compare with finite elements (SCENE=name HOLD=1)

@@ -4,6 +4,7 @@
 
 #include "bank_check.h"
 #include "crc.h"
+#include "effects/effects.h"
 #include "row.h"
 #include "tick.h" /* FIRMWARE_ABI */
 
@@ -20,6 +21,16 @@ static bool is_required_tag(uint32_t tag)
     return false;
 }
 
+/* Bit of the effect of this image whose section has this tag; 0: none. */
+static uint32_t effect_of_tag(uint32_t tag)
+{
+    (void)tag;
+#define EFFECT(bit, NAME, name, tag_, parts, what) IF_##NAME(if (tag == tag_) return EFFECT_##NAME;)
+#include "effects.def"
+#undef EFFECT
+    return 0;
+}
+
 static int fault(struct bank_view *view, int status, uint32_t tag, uint32_t record)
 {
     *view = (struct bank_view){.fault_tag = tag, .fault_record = record};
@@ -31,7 +42,7 @@ static uint32_t padded(uint32_t length)
     return length + (-length & (BANK_ALIGNMENT - 1));
 }
 
-static int check_header(const struct bank_header *h, size_t length)
+static int check_header(struct bank_view *view, const struct bank_header *h, size_t length)
 {
     /* magic and version stand first and never move, so that a foreign or newer file is named as such */
     if (length < 8)
@@ -58,15 +69,17 @@ static int check_header(const struct bank_header *h, size_t length)
         return STATUS_BANK_CRC;
     if (h->image_abi > FIRMWARE_ABI)
         return STATUS_BANK_ABI;
-    if (h->effects & ~(uint32_t)BANK_VIEW_EFFECTS)
-        return STATUS_BANK_EFFECT;
+    uint32_t lacking = h->effects & ~(uint32_t)EFFECTS_IN_IMAGE;
+    if (lacking)
+        return fault(view, STATUS_BANK_EFFECT, 0, lacking);
     return STATUS_OK;
 }
 
 /* One entry: its fields, and that it starts where the one before it ended. */
-static int check_entry(const struct bank_section *table, uint32_t k, uint64_t expected_offset, uint32_t total_bytes)
+static int check_entry(const struct bank_header *h, uint32_t k, uint64_t expected_offset)
 {
-    const struct bank_section *s = &table[k];
+    const struct bank_section *table = (const struct bank_section *)(h + 1), *s = &table[k];
+    uint32_t total_bytes = h->total_bytes, effect = effect_of_tag(s->tag);
     const uint16_t known_flags = BANK_REQUIRED | BANK_HOST_ONLY;
     if (s->offset != expected_offset || s->reserved[0] || s->reserved[1])
         return STATUS_BANK_SECTION;
@@ -82,6 +95,11 @@ static int check_entry(const struct bank_section *table, uint32_t k, uint64_t ex
             return STATUS_BANK_SECTION;
         if (s->version != (s->tag == BANK_GRID ? 2 : 1))
             return STATUS_BANK_VERSION;
+    } else if (effect) {
+        if (s->flags != BANK_REQUIRED || !(h->effects & effect))
+            return STATUS_BANK_SECTION;
+        if (s->version != 1)
+            return STATUS_BANK_VERSION;
     } else if (s->flags & BANK_REQUIRED)
         return STATUS_BANK_REQUIRED;
     return STATUS_OK;
@@ -93,7 +111,7 @@ static int check_table(struct bank_view *view, const struct bank_header *h)
     const uint8_t *bytes = (const uint8_t *)h;
     uint64_t end = sizeof *h + (uint64_t)h->section_count * sizeof *table;
     for (uint32_t k = 0; k < h->section_count; k++) { /* bound: BANK_MAX_SECTIONS */
-        int status = check_entry(table, k, end, h->total_bytes);
+        int status = check_entry(h, k, end);
         if (status)
             return fault(view, status, table[k].tag, k);
         end += padded(table[k].length);
@@ -194,13 +212,30 @@ static int take_factor(struct bank_view *view, const struct bank_section *sectio
     return STATUS_OK;
 }
 
+/* Each effect that the bank names has its section; the effect itself says whether it is good. */
+static int open_effects(struct bank_view *view)
+{
+    int status = STATUS_OK;
+#define EFFECT(bit, NAME, name, tag, parts, what)                                                                      \
+    IF_##NAME(if (!status && (view->header->effects & EFFECT_##NAME)) {                                                \
+        view->fault_tag = tag;                                                                                         \
+        view->fault_record = 0;                                                                                        \
+        status = bank_view_section(view, tag) ? name##_open(view) : STATUS_BANK_MISSING;                               \
+    })
+#include "effects.def"
+#undef EFFECT
+    if (!status)
+        view->fault_tag = 0;
+    return status;
+}
+
 int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
 {
     *view = (struct bank_view){0};
     if ((uintptr_t)bytes % BANK_ALIGNMENT)
         return STATUS_BANK_ALIGNMENT;
     const struct bank_header *h = bytes;
-    int status = check_header(h, length);
+    int status = check_header(view, h, length);
     if (!status)
         status = check_table(view, h);
     if (status)
@@ -249,6 +284,8 @@ int bank_view_open(struct bank_view *view, const void *bytes, size_t length)
             return status;
     }
     status = bank_check_contents(view);
+    if (!status)
+        status = open_effects(view);
     if (status)
         return fault(view, status, view->fault_tag, view->fault_record);
     return STATUS_OK;

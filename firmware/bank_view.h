@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "bank_format.h"
+#include "effects/image.h"
 #include "status.h"
 
 /* Section FACT taken apart: see bank_format.h. Rows are read by row.h. */
@@ -42,11 +43,14 @@ struct bank_view {
     const uint32_t *decoded_start;
     const struct bank_contact *contact;
     const struct bank_tool *tools;
+/* per effect of this image; NULL when the bank does not name it */
+#define EFFECT(bit, NAME, name, tag, parts, what) IF_##NAME(const struct bank_##name *name;)
+#include "effects.def"
+#undef EFFECT
     uint32_t fault_tag;    /* after a refusal: the section at fault, 0 for the header or table */
-    uint32_t fault_record; /* and the record in it (vertex, triangle, cell, row, instrument; entry of the table) */
+    uint32_t fault_record; /* and the record in it (vertex, triangle, cell, row, instrument; entry of the table); with
+                              STATUS_BANK_EFFECT the bits of the effects that are not part of this image */
 };
-
-enum { BANK_VIEW_EFFECTS = 0 }; /* bit k: effect k is part of this image */
 
 /* Validate `length` bytes at `bytes` (16-byte aligned). Returns STATUS_OK or the first STATUS_BANK_* that applies, with
  * the place in fault_tag and fault_record; every pointer of the view is then NULL. In the order of the checks:

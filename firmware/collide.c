@@ -204,8 +204,7 @@ static bool newton(const struct bank_view *bank, uint32_t triangle, const float 
     return true;
 }
 
-/* Let the anchor of a touching point slide to where its normal passes through the point, or through the point raised
- * along that normal. False when it was raised or did not come to rest. */
+/* collide_settle without the last step, collide_measure. */
 static bool settle(const struct bank_view *bank, struct collide_point *p)
 {
     uint32_t triangle = p->triangle, came_from = bank->triangle_count;
@@ -261,8 +260,7 @@ static bool settle(const struct bank_view *bank, struct collide_point *p)
     return settled && !raised;
 }
 
-/* Anchor, unit normal and depth from triangle and weights. */
-static void measure(const struct bank_view *bank, struct collide_point *p)
+void collide_measure(const struct bank_view *bank, struct collide_point *p)
 {
     float m[3], away[3];
     surface_point(bank, p->triangle, p->weights, p->anchor_m, m);
@@ -281,13 +279,20 @@ static void measure(const struct bank_view *bank, struct collide_point *p)
     p->depth_m = real_dot(p->normal, away);
 }
 
+bool collide_settle(const struct bank_view *bank, struct collide_point *p)
+{
+    bool settled = settle(bank, p);
+    collide_measure(bank, p);
+    return settled;
+}
+
 static void touch(const struct bank_view *bank, struct collide_point *p, const struct collide_hit *hit)
 {
     p->touching = true;
     p->triangle = hit->triangle;
     for (int i = 0; i < 3; i++) /* bound: 3 */
         p->weights[i] = hit->weights[i];
-    measure(bank, p);
+    collide_measure(bank, p);
     for (int i = 0; i < 3; i++) /* bound: 3 */
         p->shallow_normal[i] = p->normal[i];
 }
@@ -322,13 +327,12 @@ static void follow(struct collide *s, const struct bank_view *bank, struct colli
 {
     const struct collide_point before = *p;
     struct collide_hit hit;
-    bool settled = settle(bank, p);
-    measure(bank, p);
+    bool settled = collide_settle(bank, p);
     if (deep(bank, p) && real_dot(p->normal, p->shallow_normal) < COLLIDE_TURN) {
         p->triangle = before.triangle;
         for (int i = 0; i < 3; i++) /* bound: 3 */
             p->weights[i] = before.weights[i];
-        measure(bank, p);
+        collide_measure(bank, p);
         settled = false;
     }
     s->walks_cut += !settled;

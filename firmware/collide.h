@@ -62,6 +62,13 @@ bool collide_brute(const struct bank_view *bank, const float from_m[3], const fl
 void collide_update(struct collide *s, const struct bank_view *bank, const float apex_m[3],
                     const float (*positions_m)[3], uint32_t count);
 
+/* The anchor of a touching point (triangle, weights): anchor_m, normal and depth_m of position_m there. */
+void collide_measure(const struct bank_view *bank, struct collide_point *p);
+
+/* Let it slide over the surface to where its normal passes through position_m, or through the point raised along that
+ * normal, then measure. False when it was raised or did not come to rest. */
+bool collide_settle(const struct bank_view *bank, struct collide_point *p);
+
 /* Forget positions and contacts: after a silence the way between is not known. */
 void collide_forget(struct collide *s);
 

@@ -106,18 +106,6 @@ uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m
     return factors;
 }
 
-/* Compliance block between corner i of one contact and corner j of another; its transpose when *turned. */
-static const float *block_between(const struct row_cache *g, const struct bank_view *bank, const struct contact *at,
-                                  int i, const struct contact *from, int j, float room[9], bool *turned)
-{
-    if (g->stride)
-        return row_cache_pair(g, at->slot[i], from->slot[j], turned);
-    *turned = false;
-    bank_view_compliance(bank, bank->row_of[bank->triangles[at->triangle].vertex[i]],
-                         bank->row_of[bank->triangles[from->triangle].vertex[j]], room);
-    return room;
-}
-
 /* out += w G n, and out += w G^t n. */
 static inline void add_rows(const float G[9], const float n[3], float w, float out[3])
 {
@@ -133,13 +121,6 @@ static inline void add_columns(const float G[9], const float n[3], float w, floa
     out[2] += w * (G[2] * n[0] + G[5] * n[1] + G[8] * n[2]);
 }
 
-/* A contact's weights; none on vertices that cannot move. */
-static void shares(const struct bank_view *bank, const struct contact *c, float share[3])
-{
-    for (int k = 0; k < 3; k++) /* bound: 3 */
-        share[k] = bank->row_of[bank->triangles[c->triangle].vertex[k]] == BANK_NONE ? 0.0f : c->weights[k];
-}
-
 /* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
  * directions, as G_ji is the transpose of G_ij. */
 static void assemble_response(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
@@ -148,18 +129,18 @@ static void assemble_response(struct contact_set *s, const struct row_cache *g, 
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
         const struct contact *at = &s->contact[c];
         float share_c[3];
-        shares(bank, at, share_c);
+        contact_shares(bank, at, share_c);
         for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
             const struct contact *from = &s->contact[d];
             float share_d[3], forth[3] = {0.0f, 0.0f, 0.0f}, back[3] = {0.0f, 0.0f, 0.0f};
-            shares(bank, from, share_d);
+            contact_shares(bank, from, share_d);
             for (int i = 0; i < 3; i++)       /* bound: 3 */
                 for (int j = 0; j < 3; j++) { /* bound: 3 */
                     float w = share_c[i] * share_d[j], room[9];
                     if (w == 0.0f)
                         continue;
                     bool turned;
-                    const float *G = block_between(g, bank, at, i, from, j, room, &turned);
+                    const float *G = contact_block(g, bank, at, i, from, j, room, &turned);
                     if (turned) {
                         add_columns(G, from->normal, w, forth);
                         add_rows(G, at->normal, w, back);
@@ -176,7 +157,7 @@ static void assemble_response(struct contact_set *s, const struct row_cache *g, 
     }
 }
 
-static void gather(struct contact_set *s, const struct collide *points)
+void contact_gather(struct contact_set *s, const struct collide *points)
 {
     s->count = 0;
     for (uint32_t i = 0; i < points->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
@@ -242,10 +223,10 @@ static bool admit(struct contact_set *s, struct row_cache *g, const struct bank_
     return ready;
 }
 
-/* Leave out the contacts whose rows are not there; those that pushed last tick choose first. */
-static void admit_all(struct contact_set *s, struct row_cache *g, const struct bank_view *bank)
+void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank_view *bank)
 {
     uint32_t ready = 0, kept = 0;
+    row_cache_begin(g);
     s->in_use_count = 0;
     if (g->stride == 0)
         return;
@@ -261,12 +242,8 @@ static void admit_all(struct contact_set *s, struct row_cache *g, const struct b
     s->count = kept;
 }
 
-void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
-                    const struct collide *points)
+void contact_push(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
 {
-    row_cache_begin(g);
-    gather(s, points);
-    admit_all(s, g, bank);
     assemble_response(s, g, bank);
     uint32_t m = s->count, guess = 0;
     float softness = 1.0f / bank->contact->coupling_stiffness_N_m, depth[CONTACT_MAX], p[CONTACT_MAX];

@@ -65,11 +65,46 @@ struct contact_set {
     float proxy_offset_m[3]; /* proxy's tip minus device's tip: force / k */
 };
 
-/* Gather the touching points, assemble, solve, evaluate. With a factor bank a contact needs its rows prepared within the
- * tick's work (row_cache.h); those that pushed last tick choose first. Where a contact has slid onto rows that are not
- * ready, it is held on its last anchor with its new depth and normal; one that has just begun is left out until they are. */
-void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
-                    const struct collide *points);
+/* One tick, in three steps between which an effect may do its part: the touching points as contacts; */
+void contact_gather(struct contact_set *s, const struct collide *points);
+
+/* those whose rows are there. With a factor bank a contact needs its rows prepared within the tick's work (row_cache.h);
+ * those that pushed last tick choose first. Where a contact has slid onto rows that are not ready, it is held on its last
+ * anchor with its new depth and normal; one that has just begun is left out until they are. */
+void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank_view *bank);
+
+/* and their forces: assemble, solve, evaluate. */
+void contact_push(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
+
+/* The three without any effect. */
+static inline void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
+                                  const struct collide *points)
+{
+    contact_gather(s, points);
+    contact_admit(s, g, bank);
+    contact_push(s, g, bank);
+}
+
+/* Compliance block between corner i of one admitted contact and corner j of another; its transpose when *turned. Neither
+ * corner is fixed. */
+static inline const float *contact_block(const struct row_cache *g, const struct bank_view *bank,
+                                         const struct contact *at, int i, const struct contact *from, int j,
+                                         float room[9], bool *turned)
+{
+    if (g->stride)
+        return row_cache_pair(g, at->slot[i], from->slot[j], turned);
+    *turned = false;
+    bank_view_compliance(bank, bank->row_of[bank->triangles[at->triangle].vertex[i]],
+                         bank->row_of[bank->triangles[from->triangle].vertex[j]], room);
+    return room;
+}
+
+/* A contact's weights; none on vertices that cannot move. */
+static inline void contact_shares(const struct bank_view *bank, const struct contact *c, float share[3])
+{
+    for (int k = 0; k < 3; k++) /* bound: 3 */
+        share[k] = bank->row_of[bank->triangles[c->triangle].vertex[k]] == BANK_NONE ? 0.0f : c->weights[k];
+}
 
 /* Prepare rows that the tool may meet next, with the work that is left: the far corners of the triangles around each
  * contact, and for one free point a tick the triangle that it would hit within CONTACT_FORESIGHT_S. */

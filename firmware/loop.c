@@ -21,9 +21,11 @@ static bool receive_all(struct node *n)
     return n->answered;
 }
 
-static int refuse(int status, uint8_t node_id)
+/* `lacking`: bits of the effects that the bank names and this image has not; goes where other emergencies have the tick. */
+static int refuse(int status, uint32_t lacking, uint8_t node_id)
 {
-    struct wire_emergency m = {.error_code = 0x6300, .error_register = 1, .reason = (int16_t)status};
+    struct wire_emergency m = {
+        .error_code = 0x6300, .error_register = 1, .reason = (int16_t)status, .tick = (uint16_t)lacking};
     struct can_frame_t frame = {.id = WIRE_EMERGENCY_ID + (uint32_t)node_id, .length = WIRE_EMERGENCY_LENGTH};
     wire_emergency_pack(frame.data, &m);
     hal_can_transmit(&frame);
@@ -44,7 +46,7 @@ int loop_run(uint8_t node_id)
     if (status == STATUS_OK)
         status = node_start(&node, &bank, 0, node_id, memory, room);
     if (status != STATUS_OK)
-        return refuse(status, node_id);
+        return refuse(status, status == STATUS_BANK_EFFECT ? bank.fault_record : 0, node_id);
     transmit_queue(&node);
     uint64_t start_us = hal_time_us();
     while (hal_running()) { /* bound: none, this is the controller's life */

@@ -12,7 +12,8 @@ enum {
 };
 
 /* Check the bank, then tick until hal_running says no. Returns STATUS_OK, STATUS_USAGE for a node that cannot be, or the STATUS_BANK_* for which the bank was
- * refused: then no tick ran, and the refusal was sent as an emergency frame (code 0x6300, CiA 301 "data set"). */
+ * refused: then no tick ran, and the refusal was sent as an emergency frame (code 0x6300, CiA 301 "data set"); with
+ * STATUS_BANK_EFFECT its tick is the bits of the effects that this image lacks (shared/effects.def). */
 int loop_run(uint8_t node_id);
 
 #endif

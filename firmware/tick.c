@@ -1,5 +1,6 @@
 #include "tick.h"
 
+#include "effects/hooks.h"
 #include "real.h"
 
 int controller_start(struct controller *c, const struct bank_view *bank, uint32_t instrument, void *memory,
@@ -7,6 +8,14 @@ int controller_start(struct controller *c, const struct bank_view *bank, uint32_
 {
     *c = (struct controller){.instrument = instrument};
     return row_cache_start(&c->rows, bank, memory, bytes) ? STATUS_OK : STATUS_BANK_MEMORY;
+}
+
+/* Nothing of the contact may reach the next tick. */
+static void forget_contact(struct controller *c)
+{
+    collide_forget(&c->collide);
+    contact_clear(&c->contact);
+    effects_forget(c);
 }
 
 /* Encoder counts -> pose. True when this tick has a sample to act on; otherwise the safety state has counted why not. */
@@ -22,27 +31,31 @@ static bool sense(struct controller *c, const struct bank_tool *tool, const stru
     if (c->safety.stale_run >= SAFETY_STALE_TICKS || c->safety.implausible_run >= SAFETY_IMPLAUSIBLE_TICKS) {
         /* The way between is not known: find wrap and contact anew. */
         c->kinematics.started = false;
-        collide_forget(&c->collide);
-        contact_clear(&c->contact);
+        forget_contact(c);
     }
     return plausible;
 }
 
 /* Pose -> contact points -> contact forces. */
-static void touch(struct controller *c, const struct bank_view *bank, const struct bank_tool *tool)
+static void touch(struct controller *c, const struct bank_view *bank, const struct bank_tool *tool,
+                  const struct tick_input *in)
 {
     float points_m[BANK_MAX_TOOL_POINTS][3];
     for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
         kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
     collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
-    contact_update(&c->contact, &c->rows, bank, &c->collide);
+    contact_gather(&c->contact, &c->collide);
+    effects_place(c, bank, in);
+    contact_admit(&c->contact, &c->rows, bank);
+    if (!effects_push(c, bank))
+        contact_push(&c->contact, &c->rows, bank);
+    effects_follow(c, bank);
     contact_expect(&c->contact, &c->rows, bank, &c->collide, c->kinematics.velocity_m_s);
     const float *f = c->contact.force_N;
     if (!real_finite(f[0]) || !real_finite(f[1]) || !real_finite(f[2])) {
         c->safety.nonfinite++;
         safety_doubt(&c->safety, STATUS_LOOP_NONFINITE);
-        collide_forget(&c->collide); /* nothing of it may reach the next tick */
-        contact_clear(&c->contact);
+        forget_contact(c);
     }
 }
 
@@ -79,7 +92,7 @@ void tick(struct controller *c, const struct bank_view *bank, const struct tick_
     c->tick_count++;
     bool sample = sense(c, tool, in);
     if (sample)
-        touch(c, bank, tool);
+        touch(c, bank, tool, in);
     render(c, bank, sample);
     actuate(c, tool, out);
 }

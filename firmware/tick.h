@@ -13,6 +13,7 @@
 #include "row_cache.h"
 #include "contact.h"
 #include "coupling.h"
+#include "effects/effects.h"
 #include "kinematics.h"
 #include "safety.h"
 
@@ -22,7 +23,7 @@ struct tick_input {
     bool fresh;          /* an encoder sample arrived for this tick */
     uint8_t sequence;    /* 4 bits, of that sample */
     uint16_t counts[3];  /* alpha, beta, insertion */
-    uint16_t roll, grip; /* raw counts; no part of the linear path uses them yet */
+    uint16_t roll, grip; /* raw counts; for effects */
     bool acknowledge;    /* the host asks to go on: READY -> RUN, SAFE -> READY */
     bool stop;           /* the host asks for SAFE */
     bool overrun;        /* the port saw the last tick end late */
@@ -44,6 +45,10 @@ struct controller {
     struct row_cache rows;        /* rows of the bank that are in use, in the memory given at start */
     struct contact_set contact;   /* system, active set, forces of this tick */
     struct coupling coupling;     /* tip force after limits, passivity energy */
+/* and what the effects of this image remember: */
+#define EFFECT(bit, NAME, name, tag, parts, what) IF_##NAME(struct name name;)
+#include "effects.def"
+#undef EFFECT
 };
 
 /* `memory`: row_cache_memory(bank) bytes or more for rows, aligned to 4, kept by the caller; NULL with a plain bank.

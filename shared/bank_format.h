@@ -51,7 +51,7 @@ struct bank_header {
     uint32_t total_bytes;    /* the whole file, a multiple of 16 */
     uint32_t section_count;  /* 1 .. BANK_MAX_SECTIONS */
     uint32_t image_abi;      /* lowest firmware ABI that can run this bank (FIRMWARE_ABI of firmware/tick.h) */
-    uint32_t effects;        /* bit k: effect k of the effect table is needed; 0 in this version */
+    uint32_t effects;        /* bit k: the effect of effects.def with that bit is needed, and its section is there */
     uint32_t scene_hash;     /* CRC-32 of the scene text in section PROV */
     uint32_t mesh_hash;      /* CRC-32 of the mesh file's bytes */
     uint32_t reserved[6];    /* 0 */
@@ -196,6 +196,16 @@ struct bank_tool {
     uint32_t reserved[4];
 };
 
+/* FRIC, present exactly when the effect friction is named, count = 1: Coulomb friction. */
+#define BANK_FRIC         BANK_TAG('F', 'R', 'I', 'C')
+#define BANK_MAX_FRICTION 2.0f /* beyond it the local problem of a contact may have several answers */
+#define BANK_MAX_SWEEPS   64
+struct bank_friction {
+    float mu;             /* above 0, to BANK_MAX_FRICTION */
+    uint32_t sweeps;      /* 1 .. BANK_MAX_SWEEPS: after which the solver of a tick stops */
+    uint32_t reserved[2]; /* 0 */
+};
+
 /* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
@@ -206,6 +216,7 @@ _Static_assert(sizeof(struct bank_triangle) == 12, "layout of a triangle");
 _Static_assert(sizeof(struct bank_factor) == 16, "layout of the factor header");
 _Static_assert(sizeof(struct bank_grid) == 32, "layout of the grid header");
 _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record");
+_Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");
 _Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");
 _Static_assert(sizeof(struct bank_tool) == 368, "layout of an instrument");
 

@@ -31,6 +31,8 @@ struct bank_fixture_options {
     double shear;       /* 0: symmetric blocks */
     unsigned instruments, tip_points;
     double tip_radius_m;
+    double friction_mu; /* 0: the bank does not name friction */
+    unsigned friction_sweeps;
 };
 
 static const struct bank_fixture_options bank_fixture_default = {.subdivisions = 2,
@@ -41,7 +43,8 @@ static const struct bank_fixture_options bank_fixture_default = {.subdivisions =
                                                                  .shear = 0.05,
                                                                  .instruments = 1,
                                                                  .tip_points = 7,
-                                                                 .tip_radius_m = 0.005};
+                                                                 .tip_radius_m = 0.005,
+                                                                 .friction_sweeps = 20};
 
 struct fixture_surface {
     unsigned vertices, triangles;
@@ -328,6 +331,7 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
                                    .decay_s = 0.02f,
                                    .typical_compliance_m_N = (float)typical};
     struct bank_tool tool[BANK_MAX_INSTRUMENTS] = {fixture_tool(o, 0), fixture_tool(o, 1)};
+    struct bank_friction friction = {.mu = (float)o->friction_mu, .sweeps = o->friction_sweeps};
     struct fixture_part part[] = {
         {BANK_VERT, BANK_REQUIRED, 1, n, n * 12, x},
         {BANK_NORM, BANK_REQUIRED, 1, n, n * 12, normal},
@@ -337,8 +341,12 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         half,
         {BANK_CONT, BANK_REQUIRED, 1, 1, sizeof contact, &contact},
         {BANK_TOOL, BANK_REQUIRED, 1, o->instruments, o->instruments * (uint32_t)sizeof tool[0], tool},
+        {BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction},
     };
-    unsigned char *bytes = bank_fixture_join(part, sizeof part / sizeof part[0], length);
+    bool effects = o->friction_mu > 0;
+    unsigned char *bytes = bank_fixture_join(part, sizeof part / sizeof part[0] - !effects, length);
+    ((struct bank_header *)bytes)->effects = effects; /* bit 0 */
+    bank_fixture_seal(bytes, *length);
     free(part[3].data), free(half.data), free(row_of), free(t), free(normal), free(x), free(s.x), free(s.t);
     return bytes;
 }

@@ -24,7 +24,8 @@ int bank_refusal(int status, const struct bank_view *view, const void *bytes, si
 {
     const struct bank_header *h = bytes;
     uint32_t tag = view->fault_tag;
-    char where[80] = "header";
+    char where[80] = "header", lacking[400];
+    effects_names(view->fault_record, ", ", lacking, sizeof lacking);
     if (tag) {
         int used = snprintf(where, sizeof where, "section ");
         for (int k = 0; k < 4; k++) {
@@ -45,8 +46,7 @@ int bank_refusal(int status, const struct bank_view *view, const void *bytes, si
         return failure_set(why, status, path, NULL, "the bank wants firmware ABI %u; this image has %d", h->image_abi,
                            FIRMWARE_ABI);
     if (status == STATUS_BANK_EFFECT)
-        return failure_set(why, status, path, NULL, "the bank asks for effects %#x, which this image lacks",
-                           h->effects & ~(unsigned)BANK_VIEW_EFFECTS);
+        return failure_set(why, status, path, NULL, "the bank asks for the effect %s, which this image lacks", lacking);
     return failure_set(why, (enum status)status, path, NULL, "%s (%s)", status_meaning(status), where);
 }
 
@@ -238,7 +238,7 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
     return status;
 }
 
-/* Contact and instruments, from the scene as its text in the bank reads: what is checked later is that text, and reading
+/* Contact, instruments and effects, from the scene as its text in the bank reads: what is checked later is that text, and reading
  * may round the last bit of a number otherwise. */
 static int set_records(const char *scene_text, const char *path, double median_m_N, struct pack *pack,
                        struct failure *why)
@@ -251,6 +251,8 @@ static int set_records(const char *scene_text, const char *path, double median_m
         scene_contact(scene, median_m_N, &pack->contact);
     for (size_t i = 0; i < pack->tools && !status; i++)
         status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
+    if (!status)
+        status = pack_effects(pack, scene, why);
     pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
     free(scene);
     return status;

@@ -184,6 +184,11 @@ static int write_half(struct pack *p, int k, const struct compliance *compliance
     return status ? status : stream_close(&s, why);
 }
 
+static size_t sections(const struct pack *p)
+{
+    return PACK_SECTIONS + p->effect_sections;
+}
+
 /* Table, then header, over the place that was kept for them. */
 static int write_head(struct pack *p, struct file_writer *writer, struct failure *why)
 {
@@ -191,13 +196,14 @@ static int write_head(struct pack *p, struct file_writer *writer, struct failure
                             .format_version = BANK_FORMAT_VERSION,
                             .header_bytes = sizeof h,
                             .total_bytes = (uint32_t)writer->length,
-                            .section_count = PACK_SECTIONS,
+                            .section_count = (uint32_t)sections(p),
                             .image_abi = FIRMWARE_ABI,
+                            .effects = p->effects,
                             .scene_hash = p->scene_hash,
                             .mesh_hash = p->mesh_hash,
-                            .table_crc = crc32_update(0, p->section, sizeof p->section)};
+                            .table_crc = crc32_update(0, p->section, sections(p) * sizeof p->section[0])};
     h.header_crc = crc32_update(0, &h, sizeof h - sizeof h.header_crc);
-    int status = file_patch(writer, sizeof h, p->section, sizeof p->section, why);
+    int status = file_patch(writer, sizeof h, p->section, sections(p) * sizeof p->section[0], why);
     return status ? status : file_patch(writer, 0, &h, sizeof h, why);
 }
 
@@ -209,6 +215,22 @@ uint64_t pack_rest(const struct pack *p)
 void pack_compressed(struct pack *p, const struct compressed *compressed)
 {
     p->bytes += padded(compressed->length) - padded(half_bytes(p->rows));
+}
+
+int pack_effects(struct pack *p, const struct scene *scene, struct failure *why)
+{
+    for (size_t i = 0; i < effects_count(); i++) {
+        const struct effect *effect = effects_at(i);
+        if (!(scene->effects.named & effect->bit))
+            continue;
+        int status = effect->section(scene, &p->effect[p->effect_sections], why);
+        if (status)
+            return status;
+        p->effects |= effect->bit;
+        p->effect_tag[p->effect_sections] = effect->tag;
+        p->bytes += sizeof(struct bank_section) + padded(p->effect[p->effect_sections++].length);
+    }
+    return STATUS_OK;
 }
 
 /* Row numbers as the section that follows counts them. */
@@ -232,10 +254,10 @@ int pack_write(struct pack *p, const struct compliance *compliance, const struct
     if (compliance->rows != p->rows)
         return failure_set(why, STATUS_MODEL_FACTOR, NULL, NULL,
                            "the compliance has %zu rows where the surface has %zu", compliance->rows, p->rows);
-    static const char empty[sizeof(struct bank_header) + PACK_SECTIONS * sizeof(struct bank_section)];
+    static const char empty[sizeof(struct bank_header) + (PACK_SECTIONS + PACK_EFFECTS) * sizeof(struct bank_section)];
     int status = number_rows(p, compliance, compressed, why);
     if (!status)
-        status = file_append(writer, empty, sizeof empty, why);
+        status = file_append(writer, empty, sizeof(struct bank_header) + sections(p) * sizeof p->section[0], why);
     if (!status)
         status = write_whole(p, 0, BANK_VERT, p->vertices, p->positions, 12 * p->vertices, writer, why);
     if (!status)
@@ -254,17 +276,22 @@ int pack_write(struct pack *p, const struct compliance *compliance, const struct
     if (!status)
         status = compressed ? write_whole(p, 7, BANK_FACT, p->rows, compressed->bytes, compressed->length, writer, why)
                             : write_half(p, 7, compliance, writer, quiet, why);
+    int last = PACK_SECTIONS - 1;
+    for (size_t e = 0; e < p->effect_sections && !status; e++)
+        status = write_whole(p, last++, p->effect_tag[e], p->effect[e].count, p->effect[e].bytes, p->effect[e].length,
+                             writer, why);
     if (!status)
-        status = write_whole(p, 8, BANK_PROV, 1, "", 0, writer, why);
+        status = write_whole(p, last, BANK_PROV, 1, "", 0, writer, why);
     return status ? status : write_head(p, writer, why);
 }
 
 int pack_provenance(struct pack *p, const char *text, size_t length, struct file_writer *writer, struct failure *why)
 {
-    writer->length = p->section[8].offset;
+    int last = (int)sections(p) - 1;
+    writer->length = p->section[last].offset;
     if (writer->length + padded(length) > UINT32_MAX)
         return failure_set(why, STATUS_MESH_TOO_LARGE, writer->path, NULL, "the bank exceeds 4 GB");
-    int status = write_whole(p, 8, BANK_PROV, 1, text, length, writer, why);
+    int status = write_whole(p, last, BANK_PROV, 1, text, length, writer, why);
     return status ? status : write_head(p, writer, why);
 }
 
@@ -275,5 +302,7 @@ void pack_free(struct pack *p)
     free(p->triangle);
     free(p->row_of);
     grid_free(&p->grid);
+    for (size_t e = 0; e < p->effect_sections; e++)
+        free(p->effect[e].bytes);
     *p = (struct pack){0};
 }

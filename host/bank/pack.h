@@ -1,7 +1,9 @@
 /* Packing: from surface, compliance, instruments and contact to the bytes of bank_format.h.
  *
  *   pack_prepare     everything but the compliance, and the size that the bank will have: before the long computation
- *   pack_write       all sections, in the order VERT NORM TRIA GRID ROWS CONT TOOL, GHLF or FACT, PROV (still empty)
+ *   pack_effects     the sections of the effects that the scene names
+ *   pack_write       all sections, in the order VERT NORM TRIA GRID ROWS CONT TOOL, GHLF or FACT, those of effects, PROV
+ *                    (still empty)
  *   pack_provenance  replace PROV, once the errors that it states have been measured on what was written
  *   pack_free
  *
@@ -21,8 +23,9 @@
 #include "mesh.h"
 #include "model.h"
 #include "progress.h"
+#include "scene.h"
 
-enum { PACK_SECTIONS = 9, PACK_BAND = 64 };
+enum { PACK_SECTIONS = 9, PACK_EFFECTS = 32, PACK_BAND = 64 };
 
 struct pack {
     size_t vertices, triangles, rows;
@@ -34,8 +37,12 @@ struct pack {
     struct bank_tool tool[BANK_MAX_INSTRUMENTS];
     size_t tools;
     uint32_t scene_hash, mesh_hash;
-    uint64_t bytes; /* of the bank without the text of PROV, as prepared with GHLF */
-    struct bank_section section[PACK_SECTIONS];
+    uint64_t bytes;   /* of the bank without the text of PROV; as prepared: with GHLF and without effects */
+    uint32_t effects; /* bits */
+    size_t effect_sections;
+    struct effect_section effect[PACK_EFFECTS];
+    uint32_t effect_tag[PACK_EFFECTS];
+    struct bank_section section[PACK_SECTIONS + PACK_EFFECTS];
 };
 
 /* `fixed` has one flag per surface vertex; the others own the rows 0, 1, ... in vertex order, as compliance_build
@@ -46,6 +53,8 @@ int pack_prepare(struct pack *pack, const struct mesh *mesh, const struct surfac
 uint64_t pack_rest(const struct pack *pack);
 /* Make `bytes` that of a bank with this in place of GHLF. */
 void pack_compressed(struct pack *pack, const struct compressed *compressed);
+/* Between pack_prepare and pack_write. */
+int pack_effects(struct pack *pack, const struct scene *scene, struct failure *why);
 /* `compressed` NULL: GHLF; else FACT, and the rows take its order. */
 int pack_write(struct pack *pack, const struct compliance *compliance, const struct compressed *compressed,
                struct file_writer *writer, bool quiet, struct failure *why);

@@ -2,6 +2,7 @@
 #include <getopt.h>
 #include <json-c/json.h>
 #include <stdbool.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "bank.h"
@@ -10,11 +11,14 @@
 
 static const char usage[] =
     "usage: trocar info BANK [--json]\n"
+    "       trocar info --effects BANK|SCENE.yaml\n"
     "\n"
     "Prints header, sections, contact, instruments and provenance of a bank, after checking it\n"
     "as a controller would.\n"
     "\n"
-    "      --json   one JSON object on stdout\n";
+    "      --json      one JSON object on stdout\n"
+    "      --effects   only the names of the effects that a bank or a scene asks for, in one line:\n"
+    "                  those that the controller's image must have\n";
 
 static void tag_text(uint32_t tag, char text[5])
 {
@@ -57,8 +61,10 @@ static void print_text(const struct bank_file *bank)
 {
     const struct bank_view *v = &bank->view;
     const struct bank_contact *c = v->contact;
-    printf("%s: format %u, %u bytes, firmware ABI %u or newer, effects %#x\n", bank->path, v->header->format_version,
-           v->header->total_bytes, v->header->image_abi, v->header->effects);
+    char effects[400];
+    effects_names(v->header->effects, ", ", effects, sizeof effects);
+    printf("%s: format %u, %u bytes, firmware ABI %u or newer, effects: %s\n", bank->path, v->header->format_version,
+           v->header->total_bytes, v->header->image_abi, effects);
     printf("scene CRC-32 %08x, mesh CRC-32 %08x\n", v->header->scene_hash, v->header->mesh_hash);
     printf("surface: %u vertices (%u free), %u triangles; grid %u x %u x %u cells of %.4g m, at most %u triangles in "
            "one\n",
@@ -151,7 +157,11 @@ static void print_json(const struct bank_file *bank)
     add_whole(root, "format_version", v->header->format_version);
     add_whole(root, "bytes", v->header->total_bytes);
     add_whole(root, "image_abi", v->header->image_abi);
-    add_whole(root, "effects", v->header->effects);
+    struct json_object *effects = json_object_new_array();
+    for (size_t i = 0; i < effects_count(); i++)
+        if (v->header->effects & effects_at(i)->bit)
+            json_object_array_add(effects, json_object_new_string(effects_at(i)->name));
+    json_object_object_add(root, "effects", effects);
     add_whole(root, "scene_crc32", v->header->scene_hash);
     add_whole(root, "mesh_crc32", v->header->mesh_hash);
     add_whole(root, "surface_nodes", v->vertex_count);
@@ -187,16 +197,47 @@ static void print_json(const struct bank_file *bank)
     json_object_put(root);
 }
 
+/* Names with spaces between; an empty line when there is none. */
+static int print_effects(const char *path, struct failure *why)
+{
+    char names[400];
+    uint32_t bits = 0;
+    int status;
+    if (is_scene(path)) {
+        struct scene *scene = malloc(sizeof *scene);
+        if (!scene)
+            return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the scene");
+        status = scene_read(path, scene, why);
+        bits = scene->effects.named;
+        free(scene);
+    } else {
+        struct bank_file bank;
+        status = load_bank(path, &bank, why);
+        if (!status) {
+            bits = bank.view.header->effects;
+            bank_unload(&bank);
+        }
+    }
+    if (status)
+        return status;
+    effects_names(bits, " ", names, sizeof names);
+    puts(bits ? names : "");
+    return STATUS_OK;
+}
+
 int verb_info(int argc, char **argv, struct failure *why)
 {
-    static const struct option longs[] = {{"json", no_argument, NULL, 'j'}, {"help", no_argument, NULL, 'h'}, {0}};
-    bool json = false;
+    static const struct option longs[] = {
+        {"json", no_argument, NULL, 'j'}, {"effects", no_argument, NULL, 'e'}, {"help", no_argument, NULL, 'h'}, {0}};
+    bool json = false, effects = false;
     int answer;
     opterr = 0;
     optind = 0; /* GNU: start over */
     while ((answer = getopt_long(argc, argv, ":h", longs, NULL)) != -1) {
         if (answer == 'j')
             json = true;
+        else if (answer == 'e')
+            effects = true;
         else if (answer == 'h') {
             fputs(usage, stdout);
             return STATUS_OK;
@@ -205,6 +246,8 @@ int verb_info(int argc, char **argv, struct failure *why)
     }
     if (optind != argc - 1)
         return failure_set(why, STATUS_USAGE, NULL, "see trocar info --help", "info takes one bank");
+    if (effects)
+        return print_effects(argv[optind], why);
     struct bank_file bank;
     int status = load_bank(argv[optind], &bank, why);
     if (status)

@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "bank_format.h"
+#include "effects.h"
 #include "failure.h"
 #include "mesh.h"
 
@@ -108,6 +109,7 @@ struct scene {
     struct scene_instrument instrument[BANK_MAX_INSTRUMENTS];
     double regularisation; /* epsilon as a fraction of the median compliance; default 1e-3 */
     unsigned solver_steps; /* 1 .. BANK_MAX_SOLVER_STEPS; 0: no bound of the scene's */
+    struct scene_effects effects;
     double budget_instructions, budget_bank_bytes, budget_force_error; /* 0: none */
 };
 

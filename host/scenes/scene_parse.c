@@ -114,17 +114,35 @@ static void contact(struct tree *t, tree_node map, struct scene *scene)
         scene->solver_steps = (unsigned)count;
 }
 
-/* This version has no effects: an empty mapping is the only one that can be met. */
-static void effects(struct tree *t, tree_node map)
+/* A mapping from names of effects to what each of them takes. */
+static void effects(struct tree *t, tree_node map, struct scene *scene)
 {
     if (tree_empty(t, map))
         return;
-    tree_node key = map;
-    if (map->type == YAML_MAPPING_NODE)
-        key = yaml_document_get_node(&t->document, map->data.mapping.pairs.start->key);
-    bool word = key->type == YAML_SCALAR_NODE;
-    tree_fail(t, key, STATUS_SCENE_KEY, "write effects: {}", "effect%s%.60s%s is not known; this version offers: none",
-              word ? " '" : "", word ? (const char *)key->data.scalar.value : "", word ? "'" : "");
+    char offered[400], remedy[440];
+    effects_names(UINT32_MAX >> (32 - effects_count()), ", ", offered, sizeof offered);
+    snprintf(remedy, sizeof remedy, "this version offers: %s", offered);
+    if (map->type != YAML_MAPPING_NODE) {
+        tree_fail(t, map, STATUS_SCENE_KEY, remedy, "effects is not a mapping from effects to what they take");
+        return;
+    }
+    for (const yaml_node_pair_t *pair = map->data.mapping.pairs.start; pair < map->data.mapping.pairs.top; pair++) {
+        tree_node key = yaml_document_get_node(&t->document, pair->key);
+        bool word = key->type == YAML_SCALAR_NODE;
+        const char *name = word ? (const char *)key->data.scalar.value : "";
+        const struct effect *effect = effects_find(name);
+        if (!effect) {
+            tree_fail(t, key, STATUS_SCENE_KEY, remedy, "effect%s%.60s%s is not known", word ? " '" : "", name,
+                      word ? "'" : "");
+            return;
+        }
+        if (scene->effects.named & effect->bit) {
+            tree_fail(t, key, STATUS_SCENE_KEY, "keep one of them", "'%s' stands twice", name);
+            return;
+        }
+        scene->effects.named |= effect->bit;
+        effect->parse(t, yaml_document_get_node(&t->document, pair->value), scene);
+    }
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)
@@ -162,7 +180,7 @@ int scene_parse(const char *text, size_t length_bytes, const char *path, struct 
         scene_body(&tree, tree_need(&tree, root, "the scene", "body"), scene);
         instruments(&tree, tree_find(&tree, root, "instruments"), scene);
         contact(&tree, tree_find(&tree, root, "contact"), scene);
-        effects(&tree, tree_find(&tree, root, "effects"));
+        effects(&tree, tree_find(&tree, root, "effects"), scene);
         budget(&tree, tree_find(&tree, root, "budget"), scene);
     }
     status = tree.status;

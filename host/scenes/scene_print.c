@@ -220,6 +220,17 @@ static void budget(FILE *out, const struct scene *scene)
         fputs("}\n", out);
 }
 
+static void effects(FILE *out, const struct scene *scene)
+{
+    const char *before = "";
+    for (size_t i = 0; i < effects_count(); i++)
+        if (scene->effects.named & effects_at(i)->bit) {
+            fprintf(out, "%s%s: ", before, effects_at(i)->name);
+            effects_at(i)->print(out, scene);
+            before = ", ";
+        }
+}
+
 char *scene_print(const struct scene *scene)
 {
     char *text = NULL;
@@ -236,7 +247,9 @@ char *scene_print(const struct scene *scene)
     quantity(out, "contact: {regularisation: ", scene->regularisation, DIMENSION_RATIO);
     if (scene->solver_steps)
         fprintf(out, ", steps: %u", scene->solver_steps);
-    fputs("}\neffects: {}\n", out);
+    fputs("}\neffects: {", out);
+    effects(out, scene);
+    fputs("}\n", out);
     budget(out, scene);
     bool failed = ferror(out) != 0;
     if (fclose(out) != 0 || failed) {

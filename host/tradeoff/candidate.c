@@ -52,19 +52,21 @@ void discretisation_free(struct discretisation *d)
     body_close(&d->body);
 }
 
-/* The records that follow from scene and setting. */
-static int records(const struct scene *placed, const struct setting *setting, double median_m_N,
-                   struct bank_contact *contact, struct bank_tool *tool, struct failure *why)
+/* The records that follow from scene and setting: contact, instruments and effects of `pack`. */
+static int records(const struct scene *placed, const struct setting *setting, double median_m_N, struct pack *pack,
+                   struct failure *why)
 {
     struct scene *scene = malloc(sizeof *scene);
     if (!scene)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
     *scene = *placed;
     knob_apply(setting, scene);
-    scene_contact(scene, median_m_N, contact);
+    scene_contact(scene, median_m_N, &pack->contact);
     int status = STATUS_OK;
     for (size_t i = 0; i < scene->instrument_count && !status; i++)
-        status = scene_tool(&scene->instrument[i], &tool[i], why);
+        status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
+    if (!status)
+        status = pack_effects(pack, scene, why);
     free(scene);
     return status;
 }
@@ -92,7 +94,7 @@ static int store(struct discretisation *d, const struct setting *setting, const 
         status = pack_prepare(&pack, &d->body.mesh, &d->body.surface, model_fixed_vertices(d->body.model),
                               scene->instrument_count, why);
     if (!status)
-        status = records(scene, setting, d->compliance.median_diagonal_m_N, &pack.contact, pack.tool, why);
+        status = records(scene, setting, d->compliance.median_diagonal_m_N, &pack, why);
     if (!status)
         pack.scene_hash = crc32_update(0, text, strlen(text));
     if (!status && !wanted.plain)
@@ -159,15 +161,18 @@ static void replace(struct bank_file *bank, uint32_t tag, const void *bytes)
 int candidate_retool(struct candidate *c, const struct scene *placed, const struct setting *setting,
                      struct failure *why)
 {
-    struct bank_contact contact;
-    struct bank_tool tool[BANK_MAX_INSTRUMENTS];
-    memset(tool, 0, sizeof tool);
-    int status = records(placed, setting, (double)c->view.contact->typical_compliance_m_N, &contact, tool, why);
+    struct pack pack = {0};
+    int status = records(placed, setting, (double)c->view.contact->typical_compliance_m_N, &pack, why);
+    pack.contact.regularisation_m_N = c->view.contact->regularisation_m_N; /* not rounded twice */
+    if (!status) {
+        replace(&c->bank, BANK_CONT, &pack.contact);
+        replace(&c->bank, BANK_TOOL, pack.tool);
+    }
+    for (size_t e = 0; e < pack.effect_sections && !status; e++)
+        replace(&c->bank, pack.effect_tag[e], pack.effect[e].bytes);
+    pack_free(&pack);
     if (status)
         return status;
-    contact.regularisation_m_N = c->view.contact->regularisation_m_N; /* not rounded twice */
-    replace(&c->bank, BANK_CONT, &contact);
-    replace(&c->bank, BANK_TOOL, tool);
     status = file_replace(c->path, c->bank.bytes, c->bank.length, why);
     if (status)
         return status;

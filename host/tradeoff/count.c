@@ -29,7 +29,8 @@ static bool on_path(const char *name)
     return found;
 }
 
-static bool beside_this_program(char *path, size_t room)
+/* The image of the native port: the base, or that with every effect for a bank that names one. */
+static bool beside_this_program(bool effects, char *path, size_t room)
 {
     char own[PATH_MAX - 64];
     ssize_t length = readlink("/proc/self/exe", own, sizeof own - 1);
@@ -39,7 +40,8 @@ static bool beside_this_program(char *path, size_t room)
     char *slash = strrchr(own, '/');
     if (slash)
         *slash = 0;
-    return snprintf(path, room, "%s/firmware/native/controller.elf", own) < (int)room && access(path, X_OK) == 0;
+    return snprintf(path, room, "%s/firmware/native/%scontroller.elf", own, effects ? "all/" : "") < (int)room &&
+           access(path, X_OK) == 0;
 }
 
 static bool start(struct process *p, const char *controller, const char *bank_path, const char *out_option)
@@ -149,15 +151,15 @@ static int unknown(struct count *count, const char *reason)
     return STATUS_OK;
 }
 
-int count_instructions(const char *bank_path, const struct recording *recording, const uint8_t *contacts,
+int count_instructions(const char *bank_path, bool effects, const struct recording *recording, const uint8_t *contacts,
                        const char *controller, const char *folder, struct count *count, struct failure *why)
 {
     char beside[PATH_MAX], file[PATH_MAX], option[PATH_MAX + 32];
     *count = (struct count){0};
     if (!on_path("valgrind"))
         return unknown(count, "valgrind is not installed");
-    if (!controller && !beside_this_program(beside, sizeof beside))
-        return unknown(count, "firmware/native/controller.elf is not beside this program; run make");
+    if (!controller && !beside_this_program(effects, beside, sizeof beside))
+        return unknown(count, "the native controller's image is not beside this program; run make");
     snprintf(file, sizeof file, "%s/callgrind.out", folder);
     snprintf(option, sizeof option, "--callgrind-out-file=%s", file);
     struct sigaction ignore = {.sa_handler = SIG_IGN}, before;

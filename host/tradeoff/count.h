@@ -15,9 +15,10 @@ struct count {
     double mean, max; /* per tick in contact */
 };
 
-/* `controller`: the program; NULL: firmware/native/controller.elf beside this program. `folder` takes callgrind's files.
+/* `controller`: the program; NULL: firmware/native/controller.elf beside this program, or firmware/native/all/controller.elf
+ * for a bank that names `effects`. `folder` takes callgrind's files.
  * `contacts`: per tick, of the replay on the same bank. A tool that is missing is no failure: then it is not known. */
-int count_instructions(const char *bank_path, const struct recording *recording, const uint8_t *contacts,
+int count_instructions(const char *bank_path, bool effects, const struct recording *recording, const uint8_t *contacts,
                        const char *controller, const char *folder, struct count *count, struct failure *why);
 
 #endif

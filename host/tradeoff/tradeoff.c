@@ -175,8 +175,8 @@ static int measure_ticks(struct bench *b, const struct setting *setting, struct 
         return status;
     status = replay_compare(&replay, &b->reference, (unsigned)setting->value[KNOB_RATE], &error, why);
     if (!status && !counted_before(b->result, setting, &count))
-        status = count_instructions(b->bank.path, &b->recording, replay.contacts, b->options->controller, b->folder,
-                                    &count, why);
+        status = count_instructions(b->bank.path, b->bank.view.header->effects != 0, &b->recording, replay.contacts,
+                                    b->options->controller, b->folder, &count, why);
     if (!status) {
         p->tick_p95 = tradeoff_round(error.p95);
         p->tick_max = tradeoff_round(error.max);

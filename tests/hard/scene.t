@@ -45,7 +45,7 @@ refused 5 'bad.yaml:8: nu = 0.5' '8s/nu: 0.45/nu: 0.5/' "an incompressible mater
 refused 5 'bad.yaml:12: box holds no node' '12s/0.10/3/g' "an empty selection"
 refused 5 "bad.yaml:8: material for label 'fatt', but the mesh has only: " 's/label: fat/label: fatt/' "a material for no label"
 refused 7 "elements with label 1 'muscle' have no material" '7d' "a label without a material"
-refused 5 'this version offers: none' '$a effects: {friction: {mu: 0.2}}' "an effect"
+refused 5 'this version offers: friction' '$a effects: {glue: {mu: 0.2}}' "an effect"
 refused 5 "reaches no point of the body: the nearest is " '$a instruments: [{name: far, trocar: {at: [0.6, 0.5, 0.2], axis: [0, 0, -1]}}]' "a trocar from which nothing is in reach"
 refused 5 "can come to 1.83 m from the origin" '$a instruments: [{name: far, trocar: {at: [1.6, 0, 0], axis: [0, 0, -1]}}]' "a tip beyond what the bus reports"
 builds demo

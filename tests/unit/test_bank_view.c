@@ -127,7 +127,7 @@ static void header_rules(void **state)
     h->image_abi = FIRMWARE_ABI + 1;
     refused(STATUS_BANK_ABI, 0, 0);
     h->effects = 1u << 31;
-    refused(STATUS_BANK_EFFECT, 0, 0);
+    refused(STATUS_BANK_EFFECT, 0, 1u << 31);
 }
 
 static void table_rules(void **state)

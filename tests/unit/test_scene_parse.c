@@ -114,8 +114,9 @@ static const struct fault faults[] = {
     {"share: 2.5 %}", "share: 2.5 %, near: [0, 0, 0]}", STATUS_SCENE_KEY, 14, "unknown key 'near'"},
     {"nu: 0.45,", "nu: 0.45, nu: 0.45,", STATUS_SCENE_KEY, 5, "twice"},
     {"effects: {}", "scene: again", STATUS_SCENE_KEY, 29, "'scene' stands twice"},
-    {"effects: {}", "effects: {friction: {mu: 0.2}}", STATUS_SCENE_KEY, 29, "this version offers: none"},
-    {"effects: {}", "effects: [friction]", STATUS_SCENE_KEY, 29, "this version offers: none"},
+    {"effects: {}", "effects: {glue: {mu: 0.2}}", STATUS_SCENE_KEY, 29, "effect 'glue' is not known"},
+    {"effects: {}", "effects: [friction]", STATUS_SCENE_KEY, 29, "effects is not a mapping"},
+    {"effects: {}", "effects: {friction: {mu: 0.2}, friction: {mu: 0.3}}", STATUS_SCENE_KEY, 29, "stands twice"},
     {"scene: every-key", "? [scene]\n: x", STATUS_SCENE_KEY, 1, "not a word"},
     /* missing */
     {"scene: every-key\n", "", STATUS_SCENE_MISSING, 1, "'scene'"},

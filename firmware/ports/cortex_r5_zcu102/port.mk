@@ -4,7 +4,7 @@ ZCU102 := firmware/ports/cortex_r5_zcu102
 cortex_r5_zcu102_MORE := firmware/drivers/xilinx_can.c firmware/drivers/can_timing.c \
   firmware/ports/arm/start.c firmware/ports/arm/semihosting.c firmware/ports/arm/memory.c
 $(eval $(call port,cortex_r5_zcu102,arm-none-eabi-gcc,-mcpu=cortex-r5 -mthumb -mfloat-abi=hard -mfpu=vfpv3xd -ffunction-sections -fdata-sections -fcallgraph-info=su,$(FREESTANDING) -fno-tree-loop-distribute-patterns,-nostdlib -static -T $(ZCU102)/zcu102.ld -Wl$(comma)--gc-sections -Wl$(comma)--fatal-warnings))
-$(B)/firmware/cortex_r5_zcu102/controller.elf: $(ZCU102)/zcu102.ld
+$(cortex_r5_zcu102_DIR)/controller.elf: $(ZCU102)/zcu102.ld
 
 ZCU102_BRIDGE_SRC := $(wildcard $(ZCU102)/bridge/*.[cS]) firmware/drivers/xilinx_can.c firmware/drivers/can_timing.c \
   $(addprefix firmware/ports/arm/,semihosting.c streams.c memory.c)

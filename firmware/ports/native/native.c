@@ -6,6 +6,7 @@
 
 #include "hal.h"
 #include "loop.h"
+#include "bank_view.h"
 #include "native.h"
 #include "status.h"
 
@@ -100,6 +101,17 @@ static bool load(const char *path)
     return good;
 }
 
+static void name_lacking_effects(void)
+{
+    struct bank_view view;
+    bank_view_open(&view, bank, bank_length);
+#define EFFECT(bit, NAME, name, tag, parts, what)                                                                      \
+    if (view.fault_record & EFFECT_##NAME)                                                                             \
+        fputs("controller: this image lacks the effect " #name "; build the scene's own with make firmware\n", stderr);
+#include "effects.def"
+#undef EFFECT
+}
+
 static void stop(int signal)
 {
     (void)signal;
@@ -190,5 +202,7 @@ int main(int argc, char **argv)
         live_close(stderr);
     if (status != STATUS_OK)
         fprintf(stderr, "controller: %s: the bank was refused (status %d); see trocar verify\n", options.bank, status);
+    if (status == STATUS_BANK_EFFECT)
+        name_lacking_effects();
     return status == STATUS_OK ? 0 : 6;
 }

@@ -1,0 +1,65 @@
+/* Contacts whose forces have three components, each kept in its cone: the solver that friction and grasping share.
+ *
+ *   A_cd = sum_ij w_ci w_dj G_ij + I / k + epsilon I [c = d]         3x3, m/N; symmetric positive definite as a whole
+ *   r_c  = sum_d A_cd f_d - d_c                                      what is left between tool and tissue, m
+ *
+ * d_c: displacement that the tool asks of the tissue at contact c, m; f_c: force of the tissue on the tool, N; n_c its
+ * outward normal, mu_c its coefficient of friction. With the normal and tangential parts of each:
+ *
+ *   f_n >= 0, r_n >= 0, f_n r_n = 0;  |f_t| <= mu f_n;  r_t = - slip f_t with slip >= 0, and slip = 0 inside the cone
+ *
+ * This is Coulomb's law (Signorini's in the normal direction), not its associated relaxation: sliding opens no gap. Where
+ * mu_c = CONE_HELD the force is free and r_c = 0: a contact that is held from both sides.
+ *
+ * Method: block Gauss-Seidel; each contact in turn is solved exactly for the others' forces (one 3x3 product when it sticks; a
+ * secular equation in `slip`, as of a trust region, when it slides), starting from the last tick's forces. Every contact's
+ * force is in its cone after every step, so the solver may stop anywhere. With mu = 0 it is projected Gauss-Seidel on
+ * the frictionless problem of contact.h. For mu <= 2 and compliances whose normal and tangential parts are coupled as
+ * weakly as those of elastic bodies the local problem has one answer; where it has more, the open one is taken.
+ *
+ * Work on a Cortex-M7, m contacts with rows at hand: see shared/effects/friction.md. */
+#ifndef TROCAR_CONE_H
+#define TROCAR_CONE_H
+
+#include "contact.h"
+
+#define CONE_HELD (-1.0f)
+
+enum {
+    CONE_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,
+    CONE_SLIDE_STEPS = 8 /* of the secular equation; three are typical, one when warm */
+};
+
+enum cone_state { CONE_OPEN, CONE_STICK, CONE_SLIDE };
+
+struct cone_contact {
+    float frame[3][3]; /* normal, two tangents; world */
+    float mu;          /* or CONE_HELD */
+    float wanted_m[3]; /* d, world */
+    float force_N[3];  /* f, world; in: where to start; out: the answer */
+    enum cone_state state;
+    float slip_m_N; /* of a contact that slides */
+    /* of the local problem; 0 normal, 1 and 2 tangential: A_cc, its inverse, and its Schur complement on 1, 2 */
+    float local[6], inverse[6], schur[3]; /* 00 01 02 11 12 22; 11 12 22 */
+};
+
+struct cone_system {
+    uint32_t count;
+    float block[CONE_PAIRS][9]; /* A_cd, c >= d, row-major, world, at c (c + 1) / 2 + d */
+    struct cone_contact contact[CONTACT_MAX];
+    uint32_t sweeps; /* of this tick */
+};
+
+/* Blocks of the admitted contacts of `set` in its order; count is set, `contact` is not touched. */
+void cone_assemble(struct cone_system *s, const struct contact_set *set, const struct row_cache *g,
+                   const struct bank_view *bank);
+
+/* The frame of a contact with this outward unit normal. */
+void cone_frame(struct cone_contact *c, const float normal[3]);
+
+/* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. `frame`, mu, wanted_m, force_N,
+ * slip_m_N of every contact are set (forces need not be in their cones). Returns whether it came to rest. */
+#define CONE_TOLERANCE 1e-4f
+bool cone_solve(struct cone_system *s, uint32_t sweeps);
+
+#endif

@@ -1,0 +1,17 @@
+/* The effects of this image: their headers. Each effect NAME supplies
+ *
+ *   struct NAME           its state, a member of struct controller; zero is "nothing happened yet"
+ *   int NAME_open(view)   check its section and set view->NAME: called once by bank_view_open when the bank names the
+ *                         effect; STATUS_OK, or STATUS_BANK_* with fault_tag and fault_record set
+ *
+ * and whatever the stages of hooks.h call. */
+#ifndef TROCAR_EFFECTS_H
+#define TROCAR_EFFECTS_H
+
+#include "effects/image.h"
+
+#if IF_FRICTION(1) + 0
+#include "effects/friction.h"
+#endif
+
+#endif

@@ -1,0 +1,29 @@
+/* Which effects this image has. The one place with a condition of the preprocessor: elsewhere IF_NAME(...) is its argument
+ * in an image that has the effect and nothing in one that has not, so that what a scene does not name costs no byte and no
+ * instruction.
+ *
+ * An image is compiled with TROCAR_IMAGE and TROCAR_HAS_name for each effect of its scene (Makefile: EFFECTS). Without
+ * TROCAR_IMAGE, that is in the host tool and in tests, every effect is there. */
+#ifndef TROCAR_EFFECTS_IMAGE_H
+#define TROCAR_EFFECTS_IMAGE_H
+
+#include <stdint.h>
+
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_friction)
+#define IF_FRICTION(...) __VA_ARGS__
+#else
+#define IF_FRICTION(...)
+#endif
+
+/* The bit of each effect, and those of this image. */
+enum {
+#define EFFECT(bit, NAME, name, tag, parts, what) EFFECT_##NAME = 1 << (bit),
+#include "effects.def"
+#undef EFFECT
+    EFFECTS_IN_IMAGE = 0
+#define EFFECT(bit, NAME, name, tag, parts, what) IF_##NAME(| EFFECT_##NAME)
+#include "effects.def"
+#undef EFFECT
+};
+
+#endif

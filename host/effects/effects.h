@@ -1,0 +1,50 @@
+/* The effects as the host sees them: what a scene says of each, and the section of the bank that follows. One row per effect
+ * of shared/effects.def; an effect NAME supplies scene_NAME.h, with struct scene_NAME (what its key holds; in struct scene)
+ * and the functions of struct effect below. */
+#ifndef TROCAR_HOST_EFFECTS_H
+#define TROCAR_HOST_EFFECTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "scene_friction.h"
+
+struct failure;
+struct scene;
+struct tree;
+
+/* What a scene names, and its parameters. */
+struct scene_effects {
+    uint32_t named; /* EFFECT_NAME bits of firmware/effects/image.h */
+#define EFFECT(bit, NAME, name, tag, parts, what) struct scene_##name name;
+#include "effects.def"
+#undef EFFECT
+};
+
+/* The bytes of a section. */
+struct effect_section {
+    void *bytes; /* malloc; the caller frees */
+    size_t length, count;
+};
+
+struct effect {
+    const char *name, *what;
+    uint32_t bit, tag;
+    /* The mapping behind its key; complains in the tree. */
+    void (*parse)(struct tree *tree, void *map, struct scene *scene);
+    /* "{key: value, ...}", which parse reads back to the same. */
+    void (*print)(FILE *out, const struct scene *scene);
+    /* Its section of the bank, from a scene that names it. */
+    int (*section)(const struct scene *scene, struct effect_section *section, struct failure *why);
+};
+
+size_t effects_count(void);
+const struct effect *effects_at(size_t index);
+const struct effect *effects_find(const char *name); /* NULL: not known */
+
+/* "friction, grasping" of the bits set, with this between; "none" when there is none. Bits without a name as "bit 7". */
+void effects_names(uint32_t bits, const char *between, char *text, size_t room);
+
+#endif
