@@ -94,6 +94,7 @@ static bool place(struct link_assembly *a, unsigned set, unsigned modulus, uint6
             return a->open;
         if (age < modulus / 2)
             return false;
+        *incomplete += modulus - age - 1; /* those between, of which nothing came */
     }
     *incomplete += a->open;
     *a = (struct link_assembly){.open = true, .known = true, .set = set, .first_us = time_us};

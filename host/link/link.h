@@ -53,7 +53,7 @@ struct link {
     uint64_t malformed;       /* of this controller, but with a length, page or value that cannot be */
     uint64_t foreign;         /* of another node, or not of this protocol */
     uint64_t late;            /* repeated, or of a set that is over */
-    uint64_t incomplete_sets; /* contact sets and pairs of which a frame was lost */
+    uint64_t incomplete_sets; /* contact sets and pairs of which a frame was lost, or all (unless a whole window was) */
     /* assembly of the sets under way */
     struct link_assembly contact_assembly, pose_assembly;
     struct link_contact pending[LINK_MAX_CONTACTS];
