@@ -54,6 +54,18 @@ static void nothing_but_the_start_resets_a_controller_that_meets_no_errors(void 
     assert_int_equal(bus.sent_count, 2000);
 }
 
+static void an_urgent_frame_overtakes_what_waits(void **state)
+{
+    (void)state;
+    struct driver d;
+    struct can_frame_t f = frame_of(0x080, 8, 0), urgent = frame_of(0x201, 8, 1);
+    driver_open(&d, 2);
+    assert_true(driver_transmit(&d, &f) && driver_transmit(&d, &f) && driver_urgent(&d, &urgent));
+    bus_run(1000);
+    assert_int_equal(bus.sent_count, 3);
+    assert_int_equal(bus.sent[0].id, 0x201);
+}
+
 /* A reset has made the controller forget its errors: a node that disturbs the bus must not go on doing so. */
 static void a_frame_taken_back_for_errors_is_followed_by_the_silence_of_a_bus_off(void **state)
 {
@@ -82,6 +94,7 @@ int main(void)
         cmocka_unit_test(a_bit_takes_a_microsecond_and_is_sampled_where_canopen_wants_it),
         cmocka_unit_test(what_cannot_be_is_refused),
         cmocka_unit_test(nothing_but_the_start_resets_a_controller_that_meets_no_errors),
+        cmocka_unit_test(an_urgent_frame_overtakes_what_waits),
         cmocka_unit_test(a_frame_taken_back_for_errors_is_followed_by_the_silence_of_a_bus_off),
     };
     return cmocka_run_group_tests_name("Xilinx CAN driver", tests, NULL, NULL);
