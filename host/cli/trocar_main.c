@@ -22,8 +22,10 @@ static const struct verb {
     {"device", verb_device, "put the simulated instrument on a bus"},
     {"view", verb_view, "show the organ live on a local page"},
     {"tradeoff", verb_tradeoff, "measure what accuracy costs in time and bytes"},
+    {"monitor", verb_monitor, "show what passes on a bus, decoded"},
     {"record", verb_record, "write the frames of a bus as a candump log"},
     {"replay", verb_replay, "run a recording through the controller and compare its torques"},
+    {"bridge", verb_bridge, "make one bus of two"},
     {"busload", verb_busload, "compute what the protocol takes of the bus"},
     {"explain", verb_explain, "say what a named or numbered status means and what to do"},
 };

@@ -42,8 +42,8 @@ const struct dbc_message *decode_text(const struct dbc *dbc, const struct can_fr
         if (r->name)
             n += (size_t)snprintf(text + n, DECODE_TEXT - n, "%s", r->name);
         else
-            n += (size_t)snprintf(text + n, DECODE_TEXT - n, "%.6g%s%s", r->value, *r->signal->unit ? " " : "",
-                                  r->signal->unit);
+            n += (size_t)snprintf(text + n, DECODE_TEXT - n, r->signal->factor == 1 ? "%.10g%s%s" : "%.6g%s%s",
+                                  r->value, *r->signal->unit ? " " : "", r->signal->unit);
     }
     return m;
 }

@@ -7,6 +7,8 @@
 #include "monitor.h"
 #include "safety.h"
 
+enum { SILENT_US = 500000 }; /* five heartbeats */
+
 static const char *state_name(unsigned state)
 {
     static const char *const names[] = {"INIT", "READY", "RUN", "SAFE"};
@@ -24,10 +26,13 @@ static double force_N(const struct link *link)
                 link->force_N[2] * link->force_N[2]);
 }
 
-/* "RUN, 1.234 N, 3 contacts", the reason of SAFE, then every counter of Health that is not 0. */
-static void print_node(FILE *out, const struct link *link)
+/* "node 1 RUN, 1.234 N, 3 contacts", the reason of SAFE, then every counter of Health that is not 0. */
+static void print_node(FILE *out, const struct link *link, uint64_t now_us)
 {
+    uint64_t heard_us = link->heartbeat_time_us > link->pose_time_us ? link->heartbeat_time_us : link->pose_time_us;
     fprintf(out, "node %u %s", link->node_id, state_name(link->state));
+    if (now_us > heard_us + SILENT_US)
+        fprintf(out, ", silent for %.1f s", 1e-6 * (double)(now_us - heard_us));
     if (link->reason)
         fprintf(out, " (%s)", status_name(link->reason));
     fprintf(out, ", %.3f N, %zu contact%s", force_N(link), link->contact_count, link->contact_count == 1 ? "" : "s");
@@ -58,7 +63,7 @@ void monitor_line(FILE *out, const struct monitor *monitor)
         fprintf(out, "  %llu error frames", (unsigned long long)monitor->errors);
     for (size_t i = 0; i < monitor->node_count; i++) {
         fputs("  ", out);
-        print_node(out, &monitor->link[i]);
+        print_node(out, &monitor->link[i], monitor->now_us);
     }
     if (monitor->mirror && monitor->mirror->ticks) {
         fputs("  ", out);
@@ -87,7 +92,7 @@ void monitor_table(FILE *out, const struct monitor *monitor, unsigned columns)
         size_t length = 0;
         FILE *memory = open_memstream(&line, &length);
         if (memory) {
-            print_node(memory, &monitor->link[i]);
+            print_node(memory, &monitor->link[i], monitor->now_us);
             fclose(memory);
             print_row(out, columns, line);
             free(line);

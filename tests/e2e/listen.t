@@ -1,10 +1,11 @@
 #!/bin/sh
-# trocar record and replay: a simulated session as a candump log, whole and damaged, through the controller again.
+# The tools that listen. record and replay: a simulated session as a candump log, whole and damaged, through the controller
+# again; monitor; bridge.
 trocar=${B:-build}/trocar
 folder=$(mktemp -d) || exit 1
 trap 'rm -rf "$folder"' EXIT
 bank=$folder/block.bank
-echo 1..13
+echo 1..19
 fault=0
 check() {
     if [ "$1" -eq 0 ]; then echo "ok $2 - $3"; else echo "not ok $2 - $3"; fault=1; sed 's/^/# /' "$folder/message"; fi
@@ -80,4 +81,34 @@ wait $record
 [ $? -eq 0 ] && "$trocar" replay "$folder/cut-short.log" --bank "$bank" --json >"$folder/object" 2>>"$folder/message" &&
     [ "$(value differed)" -eq 0 ] && [ "$(value agreed)" -gt 100 ]
 check $? 13 "a recording that is interrupted is whole"
+
+"$trocar" monitor "$bank" -g press --fast --lines >"$folder/lines" 2>"$folder/message" && [ "$(wc -l <"$folder/lines")" -ge 3 ] &&
+    ! grep -v "load  *[0-9.]* %  *[0-9]* frames/s .*node 1 .*torques agree with the bank's" "$folder/lines" &&
+    grep -q 'node 1 RUN, [1-9][0-9.]* N, [1-9] contact\|node 1 RUN, 0\.[1-9]' "$folder/lines"
+check $? 14 "monitor shows a simulated session, a line per second"
+"$trocar" record "$bank" -g press -o "$folder/press.log" 2>"$folder/message" &&
+    "$trocar" monitor "$bank" -g press --fast --frames >"$folder/frames" 2>"$folder/message" &&
+    sed 's/  .*//' "$folder/frames" | cmp - "$folder/press.log" && ! grep -v '  [A-Z][A-Za-z]*\( 1\)\{0,1\}: ' "$folder/frames"
+check $? 15 "monitor --frames has the recording's frames, each decoded"
+"$trocar" monitor "$bank" -g press --fast --json >"$folder/object" 2>"$folder/message" &&
+    python3 - "$folder/object" "$(wc -l <"$folder/press.log")" <<'END'
+import json, sys
+lines = [json.loads(line) for line in open(sys.argv[1])]
+last = lines[-1]
+assert last["frames"] == int(sys.argv[2]) == sum(entry["count"] for entry in last["ids"])
+assert last["mirror"]["agreed"] == last["mirror"]["ticks"] > 2000 and last["mirror"]["differed"] == 0
+rates = {entry["name"]: entry["per_second"] for entry in lines[0]["ids"]}
+assert 995 < rates["Sync"] < 1005 and 995 < rates["Torques"] < 1005 and 95 < rates["Health"] < 105
+assert 0.2 < lines[0]["load"] < 0.45 and last["nodes"][0]["health"]["missed"] == 0
+END
+check $? 16 "monitor --json counts every frame, and its own torques agree"
+"$trocar" monitor "$bank" -g press --fast --frames 2>"$folder/message" | head -n 1 >"$folder/first"
+[ "$(wc -l <"$folder/first")" -eq 1 ]
+check $? 17 "monitor ends when nobody reads"
+"$trocar" monitor --bus socketcan:nowhere0 >"$folder/lines" 2>"$folder/message"
+[ $? -eq 8 ] && [ "$(wc -l <"$folder/message")" -eq 1 ] && [ ! -s "$folder/lines" ]
+check $? 18 "a bus that is not there ends with exit code 8 and one line"
+"$trocar" bridge socketcan:can0 socketcan:can0 2>"$folder/message"
+[ $? -eq 2 ] && grep -q 'both sides are the same bus' "$folder/message"
+check $? 19 "a bridge needs two buses"
 exit $fault
