@@ -236,30 +236,28 @@ static int check_half(struct bank_view *view)
     return STATUS_OK;
 }
 
-/* Levels in rising order from row 0; units that keep every multiple within 16 bits; cumulative frequencies from 0 to 2^12. */
+/* Levels in rising order from row 0; units that keep every multiple within 16 bits; cumulative frequencies up to 2^12. */
 static bool factor_tables_good(const struct bank_factor_view *f)
 {
-    uint32_t levels = f->header->levels, contexts = levels * (f->header->classes + 1u), unit = f->header->diagonal_unit;
+    uint32_t unit = f->header->diagonal_unit;
     bool good = positive(f->header->step) && f->header->max_blocks >= 1 && f->header->max_blocks <= f->rows &&
-                !f->header->reserved && !f->header->reserved_byte && f->level_first[0] == 0;
+                !f->header->reserved[0] && !f->header->reserved[1] && !f->header->reserved[2] && f->level_first[0] == 0;
     for (uint32_t k = 0; k < 64; k++) /* bound: 64 */
         unit = f->distance_unit[k] > unit ? f->distance_unit[k] : unit;
-    for (uint32_t l = 0; l < levels; l++) /* bound: BANK_FACTOR_LEVELS */
+    for (uint32_t l = 0; l < f->header->levels; l++) /* bound: BANK_FACTOR_LEVELS */
         good = good && f->level_log[l] < 64 && f->level_first[l] < f->rows &&
                (l == 0 || f->level_first[l] > f->level_first[l - 1]) &&
                (uint64_t)f->level_unit[l] * unit <= ROW_MULTIPLE_MAX << 6;
-    for (uint32_t c = 0; c < contexts; c++) /* bound: BANK_FACTOR_LEVELS (BANK_FACTOR_CLASSES + 1) */
-        good = good && (f->context[c] >> 8 & 15u) < f->header->tables && f->context[c] >> 12 < f->header->tables;
-    for (uint32_t t = 0; t < f->header->tables; t++) { /* bound: BANK_FACTOR_TABLES */
-        const uint16_t *table = row_table(f, t);
-        good = good && table[0] == 0 && table[BANK_FACTOR_SYMBOLS] == ROW_SLOTS;
-        for (uint32_t s = 0; s < BANK_FACTOR_SYMBOLS; s++) /* bound: BANK_FACTOR_SYMBOLS */
-            good = good && table[s] <= table[s + 1];
+    for (uint32_t t = 0; t < BANK_FACTOR_TABLES; t++) { /* bound: BANK_FACTOR_TABLES */
+        const struct bank_table *table = row_table(f, t);
+        good = good && table->plain <= BANK_FACTOR_PLAIN && table->upper[BANK_FACTOR_SYMBOLS - 1] == ROW_SLOTS;
+        for (uint32_t s = 1; s < BANK_FACTOR_SYMBOLS; s++) /* bound: BANK_FACTOR_SYMBOLS */
+            good = good && table->upper[s - 1] <= table->upper[s];
     }
     return good;
 }
 
-/* The code of every row lies behind that of the row before, and there are no words between. */
+/* The code of every row lies behind that of the row before, and there are no words between, and zeros at the end. */
 static int check_directory(struct bank_view *view)
 {
     const struct bank_factor_view *f = &view->factor;
@@ -270,6 +268,9 @@ static int check_directory(struct bank_view *view)
             return fault(view, STATUS_BANK_INDEX, BANK_FACT, i);
         end = next;
     }
+    for (uint32_t k = 0; k < BANK_FACTOR_SPARE; k++) /* bound: BANK_FACTOR_SPARE */
+        if (f->code[f->words + k])
+            return fault(view, STATUS_BANK_INDEX, BANK_FACT, f->rows);
     for (uint32_t k = 0; k < 3 * f->rows; k++) /* bound: 3 BANK_MAX_VERTICES */
         if (f->place[k] > INT16_MAX)
             return fault(view, STATUS_BANK_INDEX, BANK_FACT, k / 3);

@@ -93,7 +93,7 @@ static int check_entry(const struct bank_header *h, uint32_t k, uint64_t expecte
     if (is_required_tag(s->tag)) {
         if (s->flags != BANK_REQUIRED)
             return STATUS_BANK_SECTION;
-        if (s->version != (s->tag == BANK_GRID ? 2 : 1))
+        if (s->version != bank_section_version(s->tag))
             return STATUS_BANK_VERSION;
     } else if (effect) {
         if (s->flags != BANK_REQUIRED || !(h->effects & effect))
@@ -190,25 +190,24 @@ static int take_factor(struct bank_view *view, const struct bank_section *sectio
     struct bank_factor_view *f = &view->factor;
     f->header = (const struct bank_factor *)bytes;
     f->rows = section->count;
-    uint32_t levels = f->header->levels, classes = f->header->classes, tables = f->header->tables, n = f->rows;
-    if (levels < 1 || levels > BANK_FACTOR_LEVELS || classes < 1 || classes > BANK_FACTOR_CLASSES || tables < 1 ||
-        tables > BANK_FACTOR_TABLES)
+    uint32_t levels = f->header->levels, classes = f->header->classes, n = f->rows;
+    if (levels < 1 || levels > BANK_FACTOR_LEVELS || classes < 1 || classes > BANK_FACTOR_CLASSES)
         return fault(view, STATUS_BANK_INDEX, BANK_FACT, 0);
     f->level_first = (const uint16_t *)(f->header + 1);
     f->level_log = f->level_first + levels;
     f->level_unit = f->level_log + levels;
     f->distance_unit = f->level_unit + levels;
-    f->context = f->distance_unit + 64;
-    f->kernel = (const int16_t *)(f->context + levels * (classes + 1));
-    f->cumulative = (const uint16_t *)(f->kernel + 2 * levels * classes);
-    f->place = f->cumulative + tables * (BANK_FACTOR_SYMBOLS + 1);
+    f->diagonal = (const struct bank_context *)(f->distance_unit + 64);
+    f->context = f->diagonal + levels;
+    f->table = (const struct bank_table *)(f->context + levels * classes);
+    f->place = (const uint16_t *)(f->table + BANK_FACTOR_TABLES);
     f->base = f->place + 3 * n;
     f->offset = f->base + 2 * (n / 32 + 1);
     f->code = f->offset + n + 1;
     uint32_t before = (uint32_t)((const char *)f->code - bytes);
-    if (section->length < before)
+    if (section->length < before + 2 * BANK_FACTOR_SPARE)
         return fault(view, STATUS_BANK_LENGTH, BANK_FACT, 0);
-    f->words = (section->length - before) / 2;
+    f->words = (section->length - before) / 2 - BANK_FACTOR_SPARE;
     return STATUS_OK;
 }
 

@@ -16,9 +16,9 @@
 struct bank_factor_view {
     const struct bank_factor *header;
     uint32_t rows;
-    const uint16_t *level_first, *level_log, *level_unit, *distance_unit, *context, *cumulative, *place, *base, *offset,
-        *code;
-    const int16_t *kernel;
+    const uint16_t *level_first, *level_log, *level_unit, *distance_unit, *place, *base, *offset, *code;
+    const struct bank_context *diagonal, *context;
+    const struct bank_table *table;
     uint32_t words; /* of code */
 };
 

@@ -7,35 +7,20 @@ uint32_t row_max_blocks(const struct bank_view *bank)
     return bank->half ? 0 : bank->factor.header->max_blocks;
 }
 
-/* The reader's place in the code, held in registers while a block is decoded. */
+/* Held in registers only where the whole is one function. */
+#define INLINE static inline __attribute__((always_inline))
+
+/* The place in the code. */
 struct place {
     uint32_t state;
-    const uint16_t *next, *end;
-    bool damaged;
+    const uint16_t *next;
 };
 
-static inline struct place place_of(const struct row_reader *r)
-{
-    return (struct place){r->state, r->next, r->end, r->damaged};
-}
-
-static inline void keep_place(struct row_reader *r, const struct place *p)
-{
-    r->state = p->state;
-    r->next = p->next;
-    r->damaged = p->damaged;
-}
-
+/* A word, which may be one of the next row's in damaged code; row_read notices. */
 static inline void refill(struct place *p)
 {
-    if (p->state >= ROW_STATE_LOW)
-        return;
-    uint32_t word = 0;
-    if (p->next < p->end)
-        word = *p->next++;
-    else
-        p->damaged = true;
-    p->state = p->state << 16 | word;
+    if (p->state < ROW_STATE_LOW)
+        p->state = p->state << 16 | *p->next++;
 }
 
 static inline uint32_t plain_bits(struct place *p, uint32_t count)
@@ -55,45 +40,108 @@ static inline bool not_zero(struct place *p, uint32_t probability)
     return is;
 }
 
-static inline int32_t value(struct place *p, const uint16_t *cumulative)
+INLINE uint32_t symbol(struct place *p, const uint16_t *first_upper)
 {
-    uint32_t slot = p->state & ROW_SLOT_MASK, low = cumulative[0], high;
-    const uint16_t *upper = cumulative + 1;
-    while ((high = *upper) <= slot) { /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
-        low = high;
-        upper++;
+    uint32_t slot = p->state & ROW_SLOT_MASK, rest = p->state >> BANK_FACTOR_BITS, low, high = *first_upper, s = 0;
+    if (slot < high)
+        p->state = high * rest + slot;
+    else {
+        const uint16_t *upper = first_upper;
+        do { /* bound: BANK_FACTOR_SYMBOLS, the last entry is 2^12 */
+            low = high;
+            high = *++upper;
+        } while (high <= slot);
+        p->state = (high - low) * rest + slot - low;
+        s = (uint32_t)(upper - first_upper);
     }
-    uint32_t s = (uint32_t)(upper - cumulative) - 1u;
-    p->state = (high - low) * (p->state >> BANK_FACTOR_BITS) + slot - low;
     refill(p);
-    if (s == 0)
-        return 0;
-    uint32_t magnitude = s;
-    if (s >= 4) {
-        uint32_t e = s / 2;
-        magnitude = (2u + s % 2u) << (e - 1u) | plain_bits(p, e - 1u);
-    }
-    return plain_bits(p, 1) ? -(int32_t)magnitude : (int32_t)magnitude;
+    return s;
 }
 
-/* Add the nine values of a block to its prediction. */
-static void add_values(struct place *into, const uint16_t *on, const uint16_t *beside, int32_t v[9])
+/* Three numbers from their symbols: what stands behind the last symbol, and the plain bits. */
+struct three {
+    struct place p;
+    uint32_t number[3];
+};
+
+static void lengthen(struct three *t, uint32_t plain)
+{
+    struct place p = t->p;
+    for (int k = 0; k < 3; k++) { /* bound: 3 */
+        uint32_t n = t->number[k];
+        if (n == BANK_FACTOR_SYMBOLS - 1) {
+            uint32_t e = plain_bits(&p, 4);
+            n += (1u << e | plain_bits(&p, e)) - 1u;
+        }
+        t->number[k] = n << plain | plain_bits(&p, plain);
+    }
+    t->p = p;
+}
+
+/* Three values; the sum of their symbols tells which table is next. */
+INLINE uint32_t three(struct place *p, const struct bank_table *table, int32_t v[3])
+{
+    uint32_t a = symbol(p, table->upper), b = symbol(p, table->upper), c = symbol(p, table->upper), sum = a + b + c;
+    if (table->plain > 0 || sum >= BANK_FACTOR_SYMBOLS - 1) {
+        struct three t = {*p, {a, b, c}};
+        lengthen(&t, table->plain);
+        *p = t.p;
+        a = t.number[0], b = t.number[1], c = t.number[2];
+    }
+    v[0] = row_value(a);
+    v[1] = row_value(b);
+    v[2] = row_value(c);
+    return sum;
+}
+
+/* The residual of a block: the diagonal, above it, below it. */
+static __attribute__((noinline)) void residual(struct place *into, const struct bank_table *tables,
+                                               const struct bank_context *context, int32_t r[9])
 {
     struct place p = *into;
-    for (int k = 0; k < 9; k++) /* bound: 9 */
-        v[k] += value(&p, k % 4 == 0 ? on : beside);
+    int32_t on[3], above[3], below[3], turn = context->turn;
+    const struct bank_table *table = tables + row_table_on(context->code);
+    uint32_t next = row_next_table(row_table_beside(context->code), table, three(&p, table, on));
+    r[0] = on[0], r[4] = on[1], r[8] = on[2];
+    table = tables + next;
+    next = row_next_table(next, table, three(&p, table, above));
+    r[1] = above[0], r[2] = above[1], r[5] = above[2];
+    three(&p, tables + next, below);
+    r[3] = below[0] + row_turned(above[0], turn);
+    r[6] = below[1] + row_turned(above[1], turn);
+    r[7] = below[2] + row_turned(above[2], turn);
     *into = p;
 }
 
-/* Prediction plus residual, times the multiple: |.| stays below 2^30. */
-static inline int16_t entry(bool *damaged, int32_t v, uint32_t multiple)
+/* Entries are multiples; when it is asked for, what leaves 16 bits is left in `over`. */
+struct scale {
+    uint32_t level_unit, over;
+    bool checked;
+};
+
+INLINE int32_t put(int16_t *out, int32_t v, uint32_t multiple, struct scale *scale)
 {
-    int32_t q = v * (int32_t)multiple;
-    if (q > INT16_MAX || q < -INT16_MAX) {
-        *damaged = true;
-        return 0;
-    }
-    return (int16_t)q;
+    uint32_t q = (uint32_t)v * multiple;
+    if (scale->checked)
+        scale->over |= (q + 0x8000u) >> 16;
+    *out = (int16_t)q;
+    return v;
+}
+
+/* Damaged code asks for more words than the row has: it gets the same ones again. */
+static void keep_end(struct row_reader *r, struct place *p)
+{
+    r->damaged = true;
+    p->next = r->end;
+}
+
+static inline void keep_place(struct row_reader *r, struct place *p, uint32_t over)
+{
+    if (p->next > r->end)
+        keep_end(r, p);
+    r->state = p->state;
+    r->next = p->next;
+    r->damaged |= over != 0;
 }
 
 void row_start(struct row_reader *r, const struct bank_view *bank, uint32_t row)
@@ -106,77 +154,107 @@ void row_start(struct row_reader *r, const struct bank_view *bank, uint32_t row)
     r->next += 2;
 }
 
-static void diagonal(struct row_reader *r, struct row_block *out)
+INLINE void diagonal(struct row_reader *r, bool checked, struct row_block *out)
 {
     const struct bank_factor_view *f = r->factor;
-    uint32_t context = f->context[row_context_index(f, r->level, f->header->classes)];
+    const struct bank_context *context = &f->diagonal[r->level];
     uint32_t multiple = row_multiple(f->level_unit[r->level], f->header->diagonal_unit);
-    const uint16_t *on = row_table(f, context >> 8 & 15u), *beside = row_table(f, context >> 12);
-    struct place p = place_of(r);
+    struct scale scale = {0, 0, checked};
+    const struct bank_table *table = row_table(f, row_table_on(context->code));
+    struct place p = {r->state, r->next};
+    int32_t on[3], below[3];
+    uint32_t sum = three(&p, table, on);
+    three(&p, row_table(f, row_next_table(row_table_beside(context->code), table, sum)), below);
     *out = (struct row_block){.column = (uint16_t)r->row};
-    for (int a = 0; a < 3; a++)      /* bound: 3 */
-        for (int b = 0; b <= a; b++) /* bound: 3 */
-            out->value[3 * a + b] = entry(&p.damaged, value(&p, a == b ? on : beside), multiple);
-    keep_place(r, &p);
+    for (int k = 0; k < 3; k++) /* bound: 3 */
+        put(&out->value[4 * k], on[k], multiple, &scale);
+    put(&out->value[3], below[0], multiple, &scale);
+    put(&out->value[6], below[1], multiple, &scale);
+    put(&out->value[7], below[2], multiple, &scale);
+    keep_place(r, &p, scale.over);
     r->column++;
 }
 
 /* The block of a column that is near enough; false when it is zero. */
-static bool off_diagonal(struct row_reader *r, const int32_t d[3], uint32_t d2, uint32_t log, uint32_t class,
-                         int16_t out[9])
+INLINE bool off_diagonal(struct place *p, const struct bank_table *tables, const struct bank_context *context,
+                         const int32_t d[3], uint32_t d2, uint32_t distance_unit, struct scale *scale, int16_t out[9])
 {
-    const struct bank_factor_view *f = r->factor;
-    uint32_t context = f->context[row_context_index(f, r->level, class)];
-    const int16_t *kernel = row_kernel_of(f, r->level, class);
-    struct place p = place_of(r);
-    bool coded = not_zero(&p, row_significance(context));
-    int32_t v[9], any = 0;
-    if (!row_kernel_void(kernel)) {
-        row_kernel(kernel, d, d2, v);
-    } else {
-        keep_place(r, &p);
+    bool coded = not_zero(p, row_significance(context->code));
+    int32_t r[9];
+    if (coded)
+        residual(p, tables, context, r);
+    if (row_kernel_void(context->kernel)) {
         if (!coded)
             return false;
-        for (int k = 0; k < 9; k++) /* bound: 9 */
-            v[k] = 0;
+        uint32_t multiple = row_multiple(scale->level_unit, distance_unit);
+        put(&out[0], r[0], multiple, scale);
+        put(&out[1], r[1], multiple, scale);
+        put(&out[2], r[2], multiple, scale);
+        put(&out[3], r[3], multiple, scale);
+        put(&out[4], r[4], multiple, scale);
+        put(&out[5], r[5], multiple, scale);
+        put(&out[6], r[6], multiple, scale);
+        put(&out[7], r[7], multiple, scale);
+        put(&out[8], r[8], multiple, scale);
+        return true;
     }
-    if (coded)
-        add_values(&p, row_table(f, context >> 8 & 15u), row_table(f, context >> 12), v);
-    uint32_t multiple = row_multiple(f->level_unit[r->level], f->distance_unit[log]);
-    for (int k = 0; k < 9; k++) { /* bound: 9 */
-        out[k] = entry(&p.damaged, v[k], multiple);
-        any |= v[k];
-    }
-    keep_place(r, &p);
+    const struct row_prediction k = row_kernel(context->kernel, d, d2);
+    if (!coded)
+        r[0] = r[1] = r[2] = r[3] = r[4] = r[5] = r[6] = r[7] = r[8] = 0;
+    uint32_t multiple = row_multiple(scale->level_unit, distance_unit);
+    int32_t any = put(&out[0], r[0] + k.xx, multiple, scale);
+    any |= put(&out[1], r[1] + k.xy, multiple, scale);
+    any |= put(&out[2], r[2] + k.xz, multiple, scale);
+    any |= put(&out[3], r[3] + k.xy, multiple, scale);
+    any |= put(&out[4], r[4] + k.yy, multiple, scale);
+    any |= put(&out[5], r[5] + k.yz, multiple, scale);
+    any |= put(&out[6], r[6] + k.xz, multiple, scale);
+    any |= put(&out[7], r[7] + k.yz, multiple, scale);
+    any |= put(&out[8], r[8] + k.zz, multiple, scale);
     return any != 0;
 }
 
-uint32_t row_read(struct row_reader *r, uint32_t columns, struct row_block *out)
+/* Unchecked when the bank has been validated. */
+INLINE uint32_t read_columns(struct row_reader *r, uint32_t columns, bool checked, struct row_block *out)
 {
     const struct bank_factor_view *f = r->factor;
     const uint16_t *here = f->place + 3 * r->row;
     const int32_t x = here[0], y = here[1], z = here[2];
-    uint32_t found = 0, looked = r->column, stop = r->row - r->column < columns ? r->row : r->column + columns;
+    const struct bank_table *tables = f->table;
+    struct place p = {r->state, r->next};
+    struct row_block *next = out;
+    struct scale scale = {0, 0, checked};
+    uint32_t looked = r->column, stop = r->row - r->column < columns ? r->row : r->column + columns;
     while (r->column < stop) { /* bound: levels */
-        uint32_t level_end = row_level_end(f, r->level), end = level_end < stop ? level_end : stop;
-        uint32_t log0 = f->level_log[r->level], far = row_far(log0 + f->header->classes), j = r->column;
-        const uint16_t *there = f->place + 3 * j;
-        for (; j < end; j++, there += 3) { /* bound: columns */
+        const uint32_t level_end = row_level_end(f, r->level), end = level_end < stop ? level_end : stop;
+        const uint32_t log0 = f->level_log[r->level], far = row_far(log0 + f->header->classes);
+        const struct bank_context *contexts = row_contexts(f, r->level);
+        scale.level_unit = f->level_unit[r->level];
+        const uint16_t *there = f->place + 3 * r->column;
+        for (uint32_t j = r->column; j < end; j++, there += 3) { /* bound: columns */
             const int32_t d[3] = {x - there[0], y - there[1], z - there[2]};
-            uint32_t d2 = (uint32_t)(d[0] * d[0]) + (uint32_t)(d[1] * d[1]) + (uint32_t)(d[2] * d[2]);
+            const uint32_t d2 = (uint32_t)(d[0] * d[0]) + (uint32_t)(d[1] * d[1]) + (uint32_t)(d[2] * d[2]);
             if (d2 >= far)
                 continue;
-            uint32_t log = row_ilog(d2);
-            if (off_diagonal(r, d, d2, log, log > log0 ? log - log0 : 0, out[found].value))
-                out[found++].column = (uint16_t)j;
+            const uint32_t log = row_ilog(d2), class = log > log0 ? log - log0 : 0;
+            if (off_diagonal(&p, tables, contexts + class, d, d2, f->distance_unit[log], &scale, next->value))
+                next++->column = (uint16_t)j;
+            if (checked && p.next > r->end)
+                keep_end(r, &p);
         }
-        r->column = j;
-        if (j == level_end)
+        r->column = end;
+        if (end == level_end)
             r->level++;
     }
+    keep_place(r, &p, scale.over);
     if (r->column == r->row && r->column - looked < columns)
-        diagonal(r, &out[found++]);
-    return found;
+        diagonal(r, checked, next++);
+    return (uint32_t)(next - out);
+}
+
+uint32_t row_read(struct row_reader *r, uint32_t columns, struct row_block *out)
+{
+    return read_columns(r, columns, false, out);
 }
 
 bool row_finished(const struct row_reader *r)
@@ -187,7 +265,7 @@ bool row_finished(const struct row_reader *r)
 bool row_next(struct row_reader *r, struct row_block *out)
 {
     while (!row_finished(r)) /* bound: row + 1 */
-        if (row_read(r, 1, out))
+        if (read_columns(r, 1, true, out))
             return true;
     return false;
 }

@@ -43,7 +43,7 @@ uint32_t row_decode(const struct bank_view *bank, uint32_t row, struct row_block
 void row_start(struct row_reader *reader, const struct bank_view *bank, uint32_t row);
 uint32_t row_read(struct row_reader *reader, uint32_t columns, struct row_block *out);
 bool row_finished(const struct row_reader *reader);
-/* The next block; false behind the last. */
+/* The next block; false behind the last. The only one that looks for damage: for validating a bank. */
 bool row_next(struct row_reader *reader, struct row_block *out);
 
 /* Sum over the common columns of two rows: sum[3 a + b] = sum_k,c Q_(i,k)[a][c] Q_(j,k)[b][c]. */

@@ -108,52 +108,68 @@ struct bank_grid {
  * row i under a force F on row j is sum_b G[i][j][a][b] F_b. */
 #define BANK_GHLF BANK_TAG('G', 'H', 'L', 'F')
 
-/* FACT, required unless GHLF is present (exactly one of the two is): the compliance as the square of a rounded factor.
- * count = rows n, in an order from coarse to fine. G = step^2 Q Q^t, where Q is a lower triangle of 3x3 blocks of int16,
- * most of them zero. A product of a matrix with its own transpose is positive semidefinite whatever Q holds, so no step
- * and no code can make a contact system indefinite.
+/* FACT, required unless GHLF is present (exactly one of the two is), version 2: the compliance as the square of a rounded
+ * factor. count = rows n, in an order from coarse to fine. G = step^2 Q Q^t, where Q is a lower triangle of 3x3 blocks of
+ * int16, most of them zero. A product of a matrix with its own transpose is positive semidefinite whatever Q holds, so no
+ * step and no code can make a contact system indefinite.
  *
  *   struct bank_factor | 16 bit words: level_first[levels], level_log[levels], level_unit[levels], distance_unit[64],
- *   context[levels][classes + 1], kernel[levels][classes][2] (signed), cumulative[tables][BANK_FACTOR_SYMBOLS + 1],
- *   place[n][3], base[n / 32 + 1][2], offset[n + 1], code
+ *   diagonal[levels] (struct bank_context), context[levels][classes] (struct bank_context), table[BANK_FACTOR_TABLES] (struct bank_table), place[n][3],
+ *   base[n / 32 + 1][2], offset[n + 1], code, BANK_FACTOR_SPARE times 0
  *
  * place: integer coordinates of the row's vertex, 0 .. 32767, one unit for the three axes. ilog(x) = 2 e + b, e the highest
- * set bit of x and b the bit below; 0 for x < 2. The rows of one level l, level_first[l] .. level_first[l+1] - 1, keep about
+ * set bit of x and b the bit below, where x has its lowest bit set. The rows of one level l, level_first[l] .. level_first[l+1] - 1, keep about
  * one distance from the coarser ones; level_log is the ilog() of its square. With D = place_i - place_j and log = ilog(D.D),
  * column j of row i has the class log - level_log[l], l the level of j; at least 0. From `classes` on its block is zero and
- * takes no code. Below, the block is multiple (prediction + residual):
+ * takes no code. Below, the block is multiple (prediction + residual), with context[l][class]:
  *
  *   multiple    row_multiple(level_unit[l], distance_unit[log]): what is far or coarse is kept less finely
- *   prediction  nearest integer to (k0 [a = b] + k1 D_a D_b / D.D) / 8 with k = kernel[l][class], in float32 as written in
- *               row_kernel() of firmware/row_code.h: the form of an elastic point response
- *   residual    coded, with context[l][class]: bits 0..7 g, the probability of "not all zero" is (16 g + 8) / 4096;
- *               bits 8..11 the table for the block's diagonal, 12..15 beside it
+ *   prediction  about (k0 [a = b] + k1 D_a D_b / D.D) / 8 with k = kernel, in integers as written in row_kernel() of
+ *               firmware/row_code.h: the form of an elastic point response
+ *   residual    coded, with `code`: bits 0..7 g, the probability of "not all zero" is (16 g + 8) / 4096; bits 8..11 the table
+ *               for the block's diagonal, 12..15 beside it
  *
- * The block (i, i) has no prediction, the multiple row_multiple(level_unit[l], diagonal_unit) and context[l][classes], l
- * the level of i.
+ * The block (i, i) has no prediction, the multiple row_multiple(level_unit[l], diagonal_unit) and diagonal[l], l the level
+ * of i.
  *
  * Code of row i: words base[i / 32] (low, high) + offset[i] up to the next row's; an rANS stream (32 bit state, first two
  * words, low first; renormalised by a word when below 2^16; frequencies of 12 bits; it ends with the state 2^16). For each
- * column j < i that has a class below `classes`: the bit "not all zero", then nine residuals, row-major; at j = i the lower
- * triangle, six values, without that bit. A value v is a symbol s of its table, then plain bits: s < 4: |v| = s; else
- * |v| = 2^e + (s mod 2) 2^(e-1) + the next e - 1 bits, e = s/2; then, unless v = 0, the sign (1: negative). */
+ * column j < i that has a class below `classes`: the bit "not all zero", then three values for the diagonal (00, 11, 22),
+ * three above it (01, 02, 12), three below (10, 20, 21); at j = i three and three below it, without that bit. Tables are
+ * ordered by how large their values are; the table of the second three (and then of the third) is the one below or above
+ * the one that is due when the symbols of the three before sum up to less than their table's `low`, to its `high` or more
+ * (row_next_table()). Below the diagonal the residual is the value + row_turned(residual across, turn).
+ *
+ * A value is a number: 0, -1, 1, -2, 2, ... are 0, 1, 2, 3, 4, ... The code of three is their three symbols s, then for each
+ * its plain bits b, `plain` of them: the number is s 2^plain + b. For symbol 15 there stand 4 plain bits e and e more, m,
+ * before b: (14 + 2^e + m) 2^plain + b. The words at the end are there so that a reader of damaged code need look for the
+ * end of a row once a block. */
 #define BANK_FACT BANK_TAG('F', 'A', 'C', 'T')
 enum {
     BANK_FACTOR_LEVELS = 32,
     BANK_FACTOR_CLASSES = 40,
     BANK_FACTOR_TABLES = 16,
-    BANK_FACTOR_SYMBOLS = 32,
-    BANK_FACTOR_BITS = 12 /* of a frequency */
+    BANK_FACTOR_SYMBOLS = 16,
+    BANK_FACTOR_BITS = 12,  /* of a frequency */
+    BANK_FACTOR_PLAIN = 12, /* most plain bits of a table */
+    BANK_FACTOR_SPARE = 40  /* words: more than the code of a block */
 };
 struct bank_factor {
     float step;             /* (m/N)^(1/2) */
     uint16_t max_blocks;    /* of the longest row */
     uint8_t levels;         /* 1 .. BANK_FACTOR_LEVELS */
     uint8_t classes;        /* 1 .. BANK_FACTOR_CLASSES */
-    uint8_t tables;         /* 1 .. BANK_FACTOR_TABLES */
-    uint8_t reserved_byte;  /* 0 */
     uint16_t diagonal_unit; /* see row_multiple() */
-    uint32_t reserved;      /* 0 */
+    uint16_t reserved[3];
+};
+struct bank_context {
+    uint16_t code;
+    int16_t turn, kernel[2];
+};
+struct bank_table {
+    uint16_t plain;                      /* 0 .. BANK_FACTOR_PLAIN */
+    uint16_t low, high;                  /* of the sum of three symbols */
+    uint16_t upper[BANK_FACTOR_SYMBOLS]; /* symbol s has the slots upper[s - 1] .. upper[s] - 1; the last is 4096 */
 };
 
 /* CONT, required, count = 1: how contact is rendered. */
@@ -210,10 +226,18 @@ struct bank_friction {
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
 
+/* Version of the layout of a section as described here. */
+static inline uint16_t bank_section_version(uint32_t tag)
+{
+    return tag == BANK_GRID || tag == BANK_FACT ? 2 : 1;
+}
+
 _Static_assert(sizeof(struct bank_header) == 64, "layout of the bank header");
 _Static_assert(sizeof(struct bank_section) == 32, "layout of a section entry");
 _Static_assert(sizeof(struct bank_triangle) == 12, "layout of a triangle");
 _Static_assert(sizeof(struct bank_factor) == 16, "layout of the factor header");
+_Static_assert(sizeof(struct bank_context) == 8, "layout of a context");
+_Static_assert(sizeof(struct bank_table) == 38, "layout of a table of symbols");
 _Static_assert(sizeof(struct bank_grid) == 32, "layout of the grid header");
 _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record");
 _Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");

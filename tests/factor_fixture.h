@@ -53,7 +53,7 @@ static inline void factor_fixture_join(struct factor_fixture *f, const unsigned 
         if (table[k].tag == BANK_ROWS)
             part[k].data = row_of;
         if (table[k].tag == BANK_GHLF)
-            part[k] = (struct fixture_part){BANK_FACT,           BANK_REQUIRED,         1,
+            part[k] = (struct fixture_part){BANK_FACT,           BANK_REQUIRED,         bank_section_version(BANK_FACT),
                                             (uint32_t)f->G.rows, (uint32_t)code_length, (void *)(uintptr_t)code};
     }
     f->bytes = bank_fixture_join(part, h->section_count, &f->length);

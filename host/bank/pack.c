@@ -100,7 +100,7 @@ struct stream {
 static struct stream stream_open(struct pack *p, int k, uint32_t tag, size_t count, struct file_writer *writer)
 {
     p->section[k] = (struct bank_section){.tag = tag,
-                                          .version = tag == BANK_GRID ? 2 : 1,
+                                          .version = bank_section_version(tag),
                                           .offset = (uint32_t)writer->length,
                                           .count = (uint32_t)count,
                                           .flags = tag == BANK_PROV ? BANK_HOST_ONLY : BANK_REQUIRED};

@@ -8,10 +8,11 @@
 #include "row_code.h"
 
 enum {
-    LEVELS = BANK_FACTOR_LEVELS,
-    CONTEXTS = BANK_FACTOR_LEVELS * (BANK_FACTOR_CLASSES + 1),
+    CONTEXTS = BANK_FACTOR_LEVELS * (BANK_FACTOR_CLASSES + 1), /* the last of a level is that of its diagonal blocks */
     TABLES = BANK_FACTOR_TABLES,
-    SYMBOLS = BANK_FACTOR_SYMBOLS
+    SYMBOLS = BANK_FACTOR_SYMBOLS,
+    VALUE_STEPS = 4,  /* symbol, two beyond it, plain bits */
+    EXPONENT_BITS = 4 /* of a number beyond the last symbol */
 };
 
 /* One step of the coder: an interval of the 2^12, or plain bits (frequency 0). */
@@ -25,47 +26,94 @@ struct tally {
     double columns, coded;
     double values[2], magnitudes[2]; /* on the block's diagonal, beside it */
     double normal[3], right[2];      /* of the least squares for the kernel */
+    double above, across;            /* for the turn */
 };
 
 struct coder {
     const struct factor *factor;
     const struct order *order;
-    uint32_t classes, tables;
+    uint32_t classes;
     struct tally tally[CONTEXTS];
-    uint16_t context[CONTEXTS];
-    int16_t kernel[CONTEXTS][2];
+    struct bank_context context[CONTEXTS];
+    struct bank_table table[TABLES];
     double count[TABLES][SYMBOLS];
-    uint16_t cumulative[TABLES][SYMBOLS + 1];
+    bool too_long;     /* a number does not fit its code */
     struct step *step; /* of one row */
     size_t steps;
     uint16_t *code;
     size_t words, room;
 };
 
-/* The passes over all rows: kernels from the entries, contexts from the residuals, frequencies, then the code itself. */
-enum pass { FIT_KERNEL, FIT_CONTEXT, FIT_FREQUENCY, CODE };
+/* The passes over all rows: kernels from the entries; turns, then contexts from the residuals; frequencies; the code. */
+enum pass { FIT_KERNEL, FIT_TURN, FIT_CONTEXT, FIT_FREQUENCY, CODE };
 
-static uint32_t symbol(uint32_t magnitude)
+static void plain_step(struct coder *c, uint32_t bits, uint32_t count)
 {
-    return magnitude < 4 ? magnitude : row_ilog(magnitude);
+    if (count > 0)
+        c->step[c->steps++] = (struct step){(uint16_t)bits, 0, (uint8_t)count};
 }
 
-static void value(struct coder *c, enum pass pass, uint32_t context, int kind, int32_t v)
+static uint32_t symbol(const struct bank_table *t, uint32_t number)
 {
-    uint32_t magnitude = (uint32_t)abs(v), s = symbol(magnitude), table = c->context[context] >> (kind ? 12 : 8) & 15u;
-    if (pass == FIT_CONTEXT) {
-        c->tally[context].values[kind]++;
-        c->tally[context].magnitudes[kind] += magnitude;
-    } else if (pass == FIT_FREQUENCY)
-        c->count[table][s]++;
-    else {
-        const uint16_t *cumulative = c->cumulative[table];
-        c->step[c->steps++] = (struct step){cumulative[s], (uint16_t)(cumulative[s + 1] - cumulative[s]), 0};
-        if (s >= 4)
-            c->step[c->steps++] = (struct step){magnitude & ((1u << (s / 2 - 1)) - 1), 0, (uint8_t)(s / 2 - 1)};
-        if (s > 0)
-            c->step[c->steps++] = (struct step){v < 0, 0, 1};
+    uint32_t part = number >> t->plain;
+    return part < SYMBOLS - 1 ? part : SYMBOLS - 1;
+}
+
+static void symbol_step(struct coder *c, const struct bank_table *t, uint32_t s)
+{
+    uint32_t low = s > 0 ? t->upper[s - 1] : 0;
+    c->step[c->steps++] = (struct step){(uint16_t)low, (uint16_t)(t->upper[s] - low), 0};
+}
+
+/* What a number has beside its symbol. */
+static void rest_steps(struct coder *c, const struct bank_table *t, uint32_t number)
+{
+    uint32_t part = number >> t->plain;
+    if (part >= SYMBOLS - 1) {
+        uint32_t rest = part - (SYMBOLS - 2), e = 31u - (uint32_t)__builtin_clz(rest);
+        c->too_long |= e >= 1u << EXPONENT_BITS;
+        plain_step(c, e, EXPONENT_BITS);
+        plain_step(c, rest - (1u << e), e);
     }
+    plain_step(c, number & ((1u << t->plain) - 1u), t->plain);
+}
+
+/* Three values; what their symbols sum up to. */
+static uint32_t three(struct coder *c, enum pass pass, uint32_t context, int beside, uint32_t table,
+                      const int32_t value[3])
+{
+    const struct bank_table *t = &c->table[table];
+    uint32_t sum = 0, number[3];
+    for (int k = 0; k < 3; k++) {
+        number[k] = row_number(value[k]);
+        sum += symbol(t, number[k]);
+        if (pass == FIT_CONTEXT) {
+            c->tally[context].values[beside]++;
+            c->tally[context].magnitudes[beside] += abs(value[k]);
+        } else if (pass == FIT_FREQUENCY)
+            c->count[table][symbol(t, number[k])]++;
+        else
+            symbol_step(c, t, symbol(t, number[k]));
+    }
+    for (int k = 0; k < 3 && pass == CODE; k++)
+        rest_steps(c, t, number[k]);
+    return sum;
+}
+
+/* The residual of a block in the order of the code; that of (i, i) has nothing above its diagonal. */
+static void residual(struct coder *c, enum pass pass, uint32_t context, bool all, const int32_t r[9])
+{
+    uint32_t on = row_table_on(c->context[context].code), next = row_table_beside(c->context[context].code);
+    int32_t diagonal[3] = {r[0], r[4], r[8]}, above[3] = {r[1], r[2], r[5]}, below[3] = {r[3], r[6], r[7]};
+    next = row_next_table(next, &c->table[on], three(c, pass, context, 0, on, diagonal));
+    if (all) {
+        uint32_t now = next;
+        int32_t turn = c->context[context].turn;
+        next = row_next_table(now, &c->table[now], three(c, pass, context, 1, now, above));
+        for (int k = 0; k < 3; k++)
+            below[k] -= row_turned(above[k], turn);
+    }
+    three(c, pass, context, 1, next, below);
 }
 
 /* Normal equations for entries = k0 [a = b] + k1 D_a D_b / D.D. */
@@ -83,31 +131,47 @@ static void fit_kernel(struct tally *t, const int32_t d[3], const int32_t entry[
     }
 }
 
+static void fit_turn(struct tally *t, const int32_t r[9])
+{
+    static const int above[3] = {1, 2, 5}, below[3] = {3, 6, 7};
+    for (int k = 0; k < 3; k++) {
+        t->above += (double)r[above[k]] * r[above[k]];
+        t->across += (double)r[above[k]] * r[below[k]];
+    }
+}
+
 /* Column j < i of the row, `entry` its block in multiples. */
 static void column(struct coder *c, enum pass pass, size_t i, size_t j, uint32_t context, const int32_t entry[9])
 {
     const uint16_t *here = c->order->place + 3 * i, *there = c->order->place + 3 * j;
-    int32_t d[3] = {here[0] - there[0], here[1] - there[1], here[2] - there[2]}, v[9] = {0}, any = 0;
+    int32_t d[3] = {here[0] - there[0], here[1] - there[1], here[2] - there[2]}, r[9] = {0}, any = 0;
     uint32_t d2 = (uint32_t)(d[0] * d[0]) + (uint32_t)(d[1] * d[1]) + (uint32_t)(d[2] * d[2]);
     struct tally *t = &c->tally[context];
     if (pass == FIT_KERNEL) {
         fit_kernel(t, d, entry);
         return;
     }
-    if (!row_kernel_void(c->kernel[context]))
-        row_kernel(c->kernel[context], d, d2, v);
-    for (int k = 0; k < 9; k++) {
-        v[k] = entry[k] - v[k];
-        any |= v[k];
+    if (!row_kernel_void(c->context[context].kernel)) {
+        struct row_prediction p = row_kernel(c->context[context].kernel, d, d2);
+        r[0] = p.xx, r[4] = p.yy, r[8] = p.zz;
+        r[1] = r[3] = p.xy, r[2] = r[6] = p.xz, r[5] = r[7] = p.yz;
     }
-    if (pass == FIT_CONTEXT)
-        t->coded += any != 0;
+    for (int k = 0; k < 9; k++) {
+        r[k] = entry[k] - r[k];
+        any |= r[k];
+    }
     if (pass == CODE) {
-        uint16_t p = (uint16_t)row_significance(c->context[context]);
+        uint16_t p = (uint16_t)row_significance(c->context[context].code);
         c->step[c->steps++] = (struct step){any ? 0 : p, (uint16_t)(any ? p : ROW_SLOTS - p), 0};
     }
-    for (int k = 0; k < 9 && any; k++)
-        value(c, pass, context, k % 4 != 0, v[k]);
+    if (!any)
+        return;
+    if (pass == FIT_CONTEXT)
+        t->coded++;
+    if (pass == FIT_TURN)
+        fit_turn(t, r);
+    else
+        residual(c, pass, context, true, r);
 }
 
 static void walk(struct coder *c, enum pass pass, size_t i)
@@ -133,10 +197,8 @@ static void walk(struct coder *c, enum pass pass, size_t i)
         }
         if (j < i)
             column(c, pass, i, j, context, entry);
-        else
-            for (int k = 0; k < 9 && pass != FIT_KERNEL; k++)
-                if (k % 3 <= k / 3)
-                    value(c, pass, context, k % 4 != 0, entry[k]);
+        else if (pass >= FIT_CONTEXT)
+            residual(c, pass, context, false, entry);
     }
 }
 
@@ -150,17 +212,41 @@ static void kernels_from_tally(struct coder *c)
     for (uint32_t k = 0; k < CONTEXTS; k++) {
         const struct tally *t = &c->tally[k];
         double a = t->normal[0] + 1, b = t->normal[1], d = t->normal[2] + 1, determinant = a * d - b * b;
-        c->kernel[k][0] = eighths((d * t->right[0] - b * t->right[1]) / determinant);
-        c->kernel[k][1] = eighths((a * t->right[1] - b * t->right[0]) / determinant);
+        int16_t *kernel = c->context[k].kernel;
+        kernel[0] = eighths((d * t->right[0] - b * t->right[1]) / determinant);
+        kernel[1] = eighths((a * t->right[1] - b * t->right[0]) / determinant);
+        if (abs(kernel[0]) + abs(kernel[1]) < 4) /* rounds to zero for every direction */
+            kernel[0] = kernel[1] = 0;
     }
 }
 
-/* A table for each third of an octave of the mean magnitude, as many as there may be: one table serves all contexts whose
- * residuals are about equally large. */
+static void turns_from_tally(struct coder *c)
+{
+    for (uint32_t k = 0; k < CONTEXTS; k++) {
+        const struct tally *t = &c->tally[k];
+        c->context[k].turn = (int16_t)lround(16 * fmax(-1, fmin(1, t->across / (t->above + 1))));
+    }
+}
+
+/* Tables for means of magnitudes from 0.2 to 200, in steps of a factor 1.6: one serves all contexts whose residuals are about
+ * equally large. */
+#define TABLE_OCTAVES (10.0 / (TABLES - 1))
+
 static uint32_t table_for(double values, double magnitudes)
 {
-    double mean = values > 0 ? magnitudes / values : 0, third = 3 * log2((mean + 0.02) / 0.2);
-    return (uint32_t)fmax(0, fmin(TABLES - 1, third * (TABLES - 1) / 24));
+    double mean = values > 0 ? magnitudes / values : 0;
+    return (uint32_t)fmax(0, fmin(TABLES - 1, log2((mean + 0.02) / 0.2) / TABLE_OCTAVES));
+}
+
+/* Plain bits that leave a mean symbol of 2 to 4, and sums of three symbols that call for another table. A number is about
+ * twice its magnitude. */
+static void shape_table(uint32_t t, struct bank_table *table)
+{
+    double mean = 0.2 * exp2((t + 0.5) * TABLE_OCTAVES) - 0.02, number = 2 * mean - 0.5 * mean / (1 + mean);
+    table->plain = (uint16_t)fmax(0, floor(log2(mean)));
+    double sum = 3 * ((number + 0.5) / (1 << table->plain) - 0.5);
+    table->low = (uint16_t)lround(0.5 * sum);
+    table->high = (uint16_t)fmax(table->low + 1, lround(1.5 * sum));
 }
 
 static void contexts_from_tally(struct coder *c)
@@ -169,32 +255,31 @@ static void contexts_from_tally(struct coder *c)
         const struct tally *t = &c->tally[k];
         double p = (t->coded + 0.4) / (t->columns + 0.8);
         uint32_t g = (uint32_t)fmax(0, fmin(255, floor(256 * p)));
-        c->context[k] = (uint16_t)(g | table_for(t->values[0], t->magnitudes[0]) << 8 |
-                                   table_for(t->values[1], t->magnitudes[1]) << 12);
+        c->context[k].code = (uint16_t)(g | table_for(t->values[0], t->magnitudes[0]) << 8 |
+                                        table_for(t->values[1], t->magnitudes[1]) << 12);
     }
-    c->tables = TABLES;
+    for (uint32_t t = 0; t < TABLES; t++)
+        shape_table(t, &c->table[t]);
 }
 
 /* Counts to frequencies of 12 bits that add up; a symbol that does not occur in a table has none. */
-static void frequencies(struct coder *c)
+static void frequencies(const double count[SYMBOLS], uint16_t upper[SYMBOLS])
 {
-    for (uint32_t t = 0; t < TABLES; t++) {
-        double total = 0;
-        uint32_t frequency[SYMBOLS], sum = 0, largest = 0;
-        for (int s = 0; s < SYMBOLS; s++)
-            total += c->count[t][s];
-        for (uint32_t s = 0; s < SYMBOLS; s++) {
-            double share = total > 0 ? c->count[t][s] / total : 0;
-            frequency[s] = share > 0 ? 1 + (uint32_t)(share * (ROW_SLOTS - SYMBOLS)) : 0;
-            sum += frequency[s];
-            if (frequency[s] > frequency[largest])
-                largest = s;
-        }
-        frequency[largest] += ROW_SLOTS - sum;
-        c->cumulative[t][0] = 0;
-        for (int s = 0; s < SYMBOLS; s++)
-            c->cumulative[t][s + 1] = (uint16_t)(c->cumulative[t][s] + frequency[s]);
+    double total = 0;
+    uint32_t frequency[SYMBOLS], sum = 0, largest = 0;
+    for (int s = 0; s < SYMBOLS; s++)
+        total += count[s];
+    for (uint32_t s = 0; s < SYMBOLS; s++) {
+        double share = total > 0 ? count[s] / total : 0;
+        frequency[s] = share > 0 ? 1 + (uint32_t)(share * (ROW_SLOTS - SYMBOLS)) : 0;
+        sum += frequency[s];
+        if (frequency[s] > frequency[largest])
+            largest = s;
     }
+    frequency[largest] += ROW_SLOTS - sum;
+    sum = 0;
+    for (int s = 0; s < SYMBOLS; s++)
+        upper[s] = (uint16_t)(sum += frequency[s]);
 }
 
 /* The steps backwards, words collected from the end; then turned round. */
@@ -244,21 +329,21 @@ static uint16_t *write_head(const struct coder *c, const uint32_t *start, uint16
 {
     const struct order *o = c->order;
     const struct rounding *r = &c->factor->rounding;
-    struct bank_factor header = {.step = (float)r->step,
+    struct bank_factor header = {.step = (float)c->factor->rounding.step,
                                  .max_blocks = (uint16_t)c->factor->max_blocks,
                                  .levels = (uint8_t)o->levels,
                                  .classes = (uint8_t)c->classes,
-                                 .tables = (uint8_t)c->tables,
                                  .diagonal_unit = r->diagonal_unit};
     at = put(at, &header, sizeof header / 2);
     at = put(at, o->level_first, o->levels);
     at = put(at, o->level_log, o->levels);
     at = put(at, r->level_unit, o->levels);
     at = put(at, r->distance_unit, 64);
-    at = put(at, c->context, o->levels * (c->classes + 1));
     for (uint32_t l = 0; l < o->levels; l++)
-        at = put(at, c->kernel[l * (c->classes + 1)], 2 * c->classes);
-    at = put(at, c->cumulative, c->tables * (SYMBOLS + 1));
+        at = put(at, &c->context[l * (c->classes + 1) + c->classes], sizeof *c->context / 2);
+    for (uint32_t l = 0; l < o->levels; l++)
+        at = put(at, &c->context[l * (c->classes + 1)], c->classes * sizeof *c->context / 2);
+    at = put(at, c->table, sizeof c->table / 2);
     at = put(at, o->place, 3 * o->rows);
     for (size_t g = 0; g <= o->rows / 32; g++)
         at = put(at, &start[32 * g], 2);
@@ -270,8 +355,8 @@ static uint16_t *write_head(const struct coder *c, const uint32_t *start, uint16
 static size_t head_words(const struct coder *c)
 {
     size_t n = c->order->rows, levels = c->order->levels;
-    return sizeof(struct bank_factor) / 2 + 3 * levels + 64 + levels * (c->classes + 1) + 2 * levels * c->classes +
-           c->tables * (SYMBOLS + 1) + 3 * n + 2 * (n / 32 + 1) + n + 1;
+    return sizeof(struct bank_factor) / 2 + 3 * levels + 64 + sizeof *c->context / 2 * levels * (c->classes + 1) +
+           sizeof c->table / 2 + 3 * n + 2 * (n / 32 + 1) + n + 1;
 }
 
 static int encode_rows(struct coder *c, uint32_t *start, struct failure *why)
@@ -283,15 +368,20 @@ static int encode_rows(struct coder *c, uint32_t *start, struct failure *why)
             walk(c, pass, i);
         if (pass == FIT_KERNEL)
             kernels_from_tally(c);
+        else if (pass == FIT_TURN)
+            turns_from_tally(c);
         else if (pass == FIT_CONTEXT)
             contexts_from_tally(c);
         else
-            frequencies(c);
+            for (uint32_t t = 0; t < TABLES; t++)
+                frequencies(c->count[t], c->table[t].upper);
     }
     for (size_t i = 0; i < n && !status; i++) {
         start[i] = (uint32_t)c->words;
         walk(c, CODE, i);
-        status = encode(c, why);
+        status = c->too_long ? failure_set(why, STATUS_CHECK_FAILED, NULL, "take a larger step or --plain",
+                                           "row %zu of the factor has an entry that its code does not hold", i)
+                             : encode(c, why);
         if (!status && (c->words - start[i / 32 * 32] > UINT16_MAX || c->words > UINT32_MAX / 4))
             status =
                 failure_set(why, STATUS_MESH_TOO_LARGE, NULL, "take a larger step or --plain",
@@ -313,15 +403,15 @@ int row_encode(const struct factor *factor, const struct order *order, unsigned 
         c->factor = factor;
         c->order = order;
         c->classes = factor->rounding.classes;
-        c->step = malloc((28 * n + 32) * sizeof *c->step); /* significance and 9 values of up to 3 steps per column */
+        c->step = malloc((9 * VALUE_STEPS + 1) * (n + 1) * sizeof *c->step);
     }
     if (!c || !start || !c->step)
         status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory to code the factor");
     if (!status)
         status = encode_rows(c, start, why);
     if (!status) {
-        *length = 2 * (head_words(c) + c->words);
-        *bytes = malloc(*length);
+        *length = 2 * (head_words(c) + c->words + BANK_FACTOR_SPARE);
+        *bytes = calloc(1, *length);
         if (!*bytes)
             status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory to code the factor");
         else
