@@ -1,8 +1,4 @@
-/* Contact problems with friction for tests, and their solution in double precision by a method that shares nothing with the
- * controller's: ADMM (Boyd et al. 2011) on the convex problem over the cones, inside the fixed point on the sliding speed that
- * makes it Coulomb's (Cadoux 2009):
- *
- *   f = argmin 1/2 f.A f - f.(d - mu |r_t| n)  over |f_t| <= mu f_n,   r = A f - d */
+/* Contact problems with friction for tests, and their solution in double precision by the host's own method (fem_cone.h). */
 #ifndef TROCAR_CONE_FIXTURE_H
 #define TROCAR_CONE_FIXTURE_H
 
@@ -11,6 +7,7 @@
 
 #include "bank_fixture.h"
 #include "effects/cone.h"
+#include "fem_cone.h"
 #include "random.h"
 
 enum { CONE_UNKNOWNS = 3 * CONTACT_MAX };
@@ -86,126 +83,20 @@ static inline void cone_problem_round(struct cone_problem *p, struct cone_system
     }
 }
 
-/* Onto the cone |f_t| <= mu f_n. */
-static inline void cone_project(const double n[3], double mu, double f[3])
-{
-    double fn = 0, t[3], ft = 0;
-    for (int a = 0; a < 3; a++)
-        fn += n[a] * f[a];
-    for (int a = 0; a < 3; a++) {
-        t[a] = f[a] - fn * n[a];
-        ft += t[a] * t[a];
-    }
-    ft = sqrt(ft);
-    if (ft <= mu * fn)
-        return;
-    double along = mu * ft + fn > 0 ? (mu * ft + fn) / (1 + mu * mu) : 0;
-    for (int a = 0; a < 3; a++)
-        f[a] = along * (n[a] + (ft > 0 ? mu * t[a] / ft : 0));
-}
-
-/* L L^t of A + rho I, in place. */
-static inline void cone_factor(unsigned n, double L[CONE_UNKNOWNS][CONE_UNKNOWNS])
-{
-    for (unsigned j = 0; j < n; j++)
-        for (unsigned i = j; i < n; i++) {
-            double sum = L[i][j];
-            for (unsigned k = 0; k < j; k++)
-                sum -= L[i][k] * L[j][k];
-            L[i][j] = i == j ? sqrt(sum) : sum / L[j][j];
-        }
-}
-
-static inline void cone_residual(const struct cone_problem *p, const double *f, double *r)
-{
-    for (unsigned i = 0; i < 3 * p->m; i++) {
-        r[i] = -p->d[i];
-        for (unsigned j = 0; j < 3 * p->m; j++)
-            r[i] += p->A[i][j] * f[j];
-    }
-}
-
-/* By how much f fails Coulomb's law, m: |f - P(f - rho (r + mu |r_t| n))| / rho, largest over the contacts. */
-static inline double cone_failure(const struct cone_problem *p, const double *f)
-{
-    double r[CONE_UNKNOWNS], worst = 0, rho = 1 / p->A[0][0];
-    cone_residual(p, f, r);
-    for (unsigned c = 0; c < p->m; c++) {
-        double rn = 0, rt = 0, g[3], gap = 0;
-        for (int a = 0; a < 3; a++)
-            rn += p->n[c][a] * r[3 * c + a];
-        for (int a = 0; a < 3; a++)
-            rt += pow(r[3 * c + a] - rn * p->n[c][a], 2);
-        for (int a = 0; a < 3; a++)
-            g[a] = f[3 * c + a] - rho * (r[3 * c + a] + p->mu * sqrt(rt) * p->n[c][a]);
-        cone_project(p->n[c], p->mu, g);
-        for (int a = 0; a < 3; a++)
-            gap += pow((f[3 * c + a] - g[a]) / rho, 2);
-        worst = fmax(worst, sqrt(gap));
-    }
-    return worst;
-}
-
-/* The forces; returns cone_failure of them. */
+/* The forces in double precision by another method; how far they fail Coulomb's law, m. */
 static inline double cone_reference(const struct cone_problem *p, double *f)
 {
-    unsigned n = 3 * p->m;
-    double L[CONE_UNKNOWNS][CONE_UNKNOWNS], z[CONE_UNKNOWNS] = {0}, y[CONE_UNKNOWNS] = {0}, d[CONE_UNKNOWNS];
-    double trace = 0;
-    for (unsigned i = 0; i < n; i++)
-        trace += p->A[i][i] / n;
-    double rho = 0.05 * trace, speed[CONTACT_MAX] = {0};
-    memcpy(L, p->A, sizeof L);
-    for (unsigned i = 0; i < n; i++)
-        L[i][i] += rho;
-    cone_factor(n, L);
-    for (int outer = 0; outer < 200; outer++) {
-        double r[CONE_UNKNOWNS], change = 0;
-        for (unsigned i = 0; i < n; i++)
-            d[i] = p->d[i] - p->mu * speed[i / 3] * p->n[i / 3][i % 3];
-        for (int inner = 0; inner < 3000; inner++) {
-            double x[CONE_UNKNOWNS], moved = 0, size = 0;
-            for (unsigned i = 0; i < n; i++) {
-                x[i] = d[i] + rho * (z[i] - y[i]);
-                for (unsigned k = 0; k < i; k++)
-                    x[i] -= L[i][k] * x[k];
-                x[i] /= L[i][i];
-            }
-            for (unsigned i = n; i-- > 0;) {
-                for (unsigned k = i + 1; k < n; k++)
-                    x[i] -= L[k][i] * x[k];
-                x[i] /= L[i][i];
-            }
-            for (unsigned c = 0; c < p->m; c++) {
-                double g[3];
-                for (int a = 0; a < 3; a++)
-                    g[a] = x[3 * c + a] + y[3 * c + a];
-                cone_project(p->n[c], p->mu, g);
-                for (int a = 0; a < 3; a++) {
-                    moved = fmax(moved, fmax(fabs(g[a] - z[3 * c + a]), fabs(g[a] - x[3 * c + a])));
-                    z[3 * c + a] = g[a];
-                    y[3 * c + a] += x[3 * c + a] - g[a];
-                    size = fmax(size, fabs(g[a]));
-                }
-            }
-            if (moved <= 1e-12 * size)
-                break;
-        }
-        cone_residual(p, z, r);
-        for (unsigned c = 0; c < p->m; c++) {
-            double rn = 0, rt = 0;
-            for (int a = 0; a < 3; a++)
-                rn += p->n[c][a] * r[3 * c + a];
-            for (int a = 0; a < 3; a++)
-                rt += pow(r[3 * c + a] - rn * p->n[c][a], 2);
-            change = fmax(change, fabs(sqrt(rt) - speed[c]));
-            speed[c] = sqrt(rt);
-        }
-        if (change < 1e-13)
-            break;
+    static double A[CONE_UNKNOWNS * CONE_UNKNOWNS];
+    struct failure why;
+    unsigned size = 3 * p->m;
+    for (unsigned i = 0; i < size; i++)
+        for (unsigned j = 0; j < size; j++)
+            A[size * i + j] = p->A[i][j];
+    if (fem_cone(p->m, A, p->d, p->n[0], p->mu, f, &why) != STATUS_OK) {
+        printf("# %s\n", why.cause);
+        abort();
     }
-    memcpy(f, z, n * sizeof *f);
-    return cone_failure(p, f);
+    return fem_cone_failure(p->m, A, p->d, p->n[0], p->mu, f);
 }
 
 #endif

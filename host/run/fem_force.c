@@ -7,19 +7,24 @@
 #include <gsl/gsl_errno.h>
 #include <gsl/gsl_linalg.h>
 
+#include "fem_cone.h"
 #include "progress.h"
 
-static void fem_sample_take(struct fem_sample *sample, const struct contact_set *set, uint64_t tick)
+static void fem_sample_take(struct fem_sample *sample, const struct contact_set *set, const struct cone_system *cone,
+                            uint64_t tick)
 {
     memset(sample, 0, sizeof *sample);
     sample->tick = tick;
     sample->count = set->count;
+    sample->friction = cone != NULL;
     memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
     for (uint32_t c = 0; c < set->count; c++) {
         sample->contact[c].triangle = set->contact[c].triangle;
         sample->contact[c].depth_m = set->contact[c].depth_m;
         memcpy(sample->contact[c].weights, set->contact[c].weights, sizeof sample->contact[c].weights);
         memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
+        if (cone)
+            memcpy(sample->contact[c].wanted_m, cone->contact[c].wanted_m, sizeof cone->contact[c].wanted_m);
     }
 }
 
@@ -85,6 +90,40 @@ int fem_complementarity(uint32_t m, const double *A, const double *d, double *p,
     return STATUS_OK;
 }
 
+/* The same with friction: each contact is constrained along the three axes. */
+static int fem_force_friction(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
+                              double force_N[3], struct failure *why)
+{
+    enum { UNKNOWNS = 3 * CONTACT_MAX };
+    uint32_t m = sample->count, size = 3 * m, vertex[3 * UNKNOWNS] = {0};
+    double weight[3 * UNKNOWNS] = {0}, axis[3 * UNKNOWNS] = {0}, d[UNKNOWNS], n[UNKNOWNS], f[UNKNOWNS];
+    double *A = malloc((size_t)size * size * sizeof *A);
+    if (!A)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for %u contacts", m);
+    for (uint32_t i = 0; i < size; i++) {
+        uint32_t c = i / 3;
+        d[i] = (double)sample->contact[c].wanted_m[i % 3];
+        n[i] = (double)sample->contact[c].normal[i % 3];
+        axis[3 * i + i % 3] = 1;
+        for (int k = 0; k < 3; k++) {
+            vertex[3 * i + k] = body->surface.triangles[3 * sample->contact[c].triangle + k];
+            weight[3 * i + k] = (double)sample->contact[c].weights[k];
+        }
+    }
+    int status = model_constrained(body->model, size, vertex, weight, axis, 0, NULL, NULL, A, why);
+    for (uint32_t i = 0; i < size && !status; i++) {
+        for (uint32_t j = i % 3; j < size; j += 3)
+            A[size * i + j] += 1 / (double)bank->contact->coupling_stiffness_N_m;
+        A[size * i + i] += (double)bank->contact->regularisation_m_N;
+    }
+    if (!status)
+        status = fem_cone(m, A, d, n, (double)bank->friction->mu, f, why);
+    for (uint32_t i = 0; i < size && !status; i++)
+        force_N[i % 3] += f[i];
+    free(A);
+    return status;
+}
+
 int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample, double force_N[3],
               struct failure *why)
 {
@@ -94,6 +133,8 @@ int fem_force(const struct bank_view *bank, const struct body *body, const struc
     memset(force_N, 0, 3 * sizeof *force_N);
     if (m == 0)
         return STATUS_OK;
+    if (sample->friction)
+        return fem_force_friction(bank, body, sample, force_N, why);
     for (uint32_t c = 0; c < m; c++) {
         d[c] = (double)sample->contact[c].depth_m;
         for (int k = 0; k < 3; k++) {
@@ -145,7 +186,8 @@ static bool make_room(struct fem_record *record)
     return true;
 }
 
-void fem_record_tick(struct fem_record *record, const struct contact_set *set, uint64_t tick)
+void fem_record_tick(struct fem_record *record, const struct contact_set *set, const struct cone_system *cone,
+                     uint64_t tick)
 {
     if (set->count == 0)
         return;
@@ -153,7 +195,7 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, u
     float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
     if (force2 > record->peak_force2_N2) {
         record->peak_force2_N2 = force2;
-        fem_sample_take(&record->peak, set, tick);
+        fem_sample_take(&record->peak, set, cone, tick);
     }
     uint64_t number = record->contact_ticks++;
     if (number % record->stride)
@@ -167,7 +209,7 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, u
             return;
     }
     if (make_room(record))
-        fem_sample_take(&record->sample[record->count++], set, tick);
+        fem_sample_take(&record->sample[record->count++], set, cone, tick);
 }
 
 int fem_compare(const struct bank_view *bank, const struct body *body, const struct fem_record *record,

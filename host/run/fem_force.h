@@ -6,6 +6,9 @@
  * and epsilon; then p >= 0, A p - d >= 0, p.(A p - d) = 0 by projected Gauss-Seidel, polished by a dense solve on the
  * set that it found, and the three conditions are checked. The force on the tool is sum p_c n_c.
  *
+ * With friction (a cone_system of the tick is given) there are three unknowns a contact and Coulomb's law in place of the
+ * complementarity: fem_cone.h, with the displacements that the controller asks of the tissue.
+ *
  * So the comparison covers the bank's numbers, their reading, the assembly and the active-set solver in single
  * precision. Not covered: where the contacts are (collision has its own tests) and the mesh's discretisation error. */
 #ifndef TROCAR_FEM_FORCE_H
@@ -17,6 +20,7 @@
 
 #include "bank.h"
 #include "contact.h"
+#include "effects/cone.h"
 
 /* What is kept of a tick. */
 struct fem_sample {
@@ -25,7 +29,9 @@ struct fem_sample {
     struct {
         uint32_t triangle;
         float weights[3], normal[3], depth_m;
+        float wanted_m[3]; /* with friction */
     } contact[CONTACT_MAX];
+    bool friction;
     float force_N[3]; /* the controller's answer: of the tissue on the tool */
 };
 
@@ -42,7 +48,9 @@ struct fem_record {
     float peak_force2_N2;
 };
 void fem_record_start(struct fem_record *record, uint32_t every); /* 0: spread */
-void fem_record_tick(struct fem_record *record, const struct contact_set *set, uint64_t tick);
+/* `cone`: of the tick, contacts in the order of the set; NULL without friction. */
+void fem_record_tick(struct fem_record *record, const struct contact_set *set, const struct cone_system *cone,
+                     uint64_t tick);
 void fem_record_free(struct fem_record *record);
 
 /* The comparison: solves all of them. `error` = largest |f - f_fem| / peak |f_fem|; 0 compared: there was no contact. */
