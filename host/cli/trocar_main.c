@@ -27,6 +27,7 @@ static const struct verb {
     {"replay", verb_replay, "run a recording through the controller and compare its torques"},
     {"bridge", verb_bridge, "make one bus of two"},
     {"busload", verb_busload, "compute what the protocol takes of the bus"},
+    {"doctor", verb_doctor, "look at what this machine can do, and say how to mend the rest"},
     {"explain", verb_explain, "say what a named or numbered status means and what to do"},
 };
 enum { VERBS = sizeof verbs / sizeof verbs[0] };
