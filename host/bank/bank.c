@@ -11,6 +11,7 @@
 #include "force_error.h"
 #include "budget.h"
 #include "pack.h"
+#include "resume.h"
 #include "tick.h" /* FIRMWARE_ABI */
 
 enum { FORCE_ERROR_TRIALS = 20, FORCE_ERROR_SEED = 1 };
@@ -312,9 +313,23 @@ static int write_bank(struct body *body, struct pack *pack, const struct complia
     return status;
 }
 
-static int build(struct body *body, const struct compression *compression, bool quiet, struct file_writer *writer,
-                 double started_s, struct build_result *result, struct failure *why)
+/* Found in BANK.part, or built, and then kept there if it took `keep_after_s`. */
+static int find_compliance(struct body *body, const struct resume *resume, double keep_after_s, bool quiet,
+                           struct compliance *G, struct failure *why)
 {
+    if (resume_load(resume, body, G))
+        return STATUS_OK;
+    double begin_s = seconds_now();
+    int status = compliance_build(body->model, quiet, G, why);
+    if (!status && seconds_now() - begin_s >= keep_after_s)
+        status = resume_save(resume, body, G, why);
+    return status;
+}
+
+static int build(struct body *body, const struct compression *compression, double keep_after_s, bool quiet,
+                 struct file_writer *writer, double started_s, struct build_result *result, struct failure *why)
+{
+    struct resume resume = {0};
     struct pack pack = {0};
     struct compliance G = {0};
     char *scene_text = NULL;
@@ -336,7 +351,9 @@ static int build(struct body *body, const struct compression *compression, bool 
     if (!status)
         status = budget_begin(scene, &pack, provenance_bytes, &wanted, why);
     if (!status)
-        status = compliance_build(body->model, quiet, &G, why);
+        status = resume_begin(writer->path, body, scene_text, &resume, why);
+    if (!status)
+        status = find_compliance(body, &resume, keep_after_s, quiet, &G, why);
     result->median_compliance_m_N = G.median_diagonal_m_N;
     if (!status)
         status = write_bank(body, &pack, &G, scene_text, &wanted, quiet, writer, result, why);
@@ -354,13 +371,18 @@ static int build(struct body *body, const struct compression *compression, bool 
     result->bytes = writer->length;
     if (!status)
         status = file_commit(writer, why);
+    if (status == STATUS_INTERRUPTED && resume_is_there(&resume))
+        failure_set(why, status, resume.path, "run it again, it goes on from there; or remove the file",
+                    "interrupted; the compliance is kept");
+    else
+        resume_end(&resume);
     free(scene_text);
     pack_free(&pack);
     return status;
 }
 
-int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,
-               struct build_result *result, struct failure *why)
+int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, double keep_after_s,
+               bool quiet, struct build_result *result, struct failure *why)
 {
     double started_s = seconds_now();
     struct file_writer writer;
@@ -377,7 +399,7 @@ int bank_build(struct scene *scene, const char *out_path, const struct compressi
         *scene = body->scene;
         status = scene_check_reach(scene, &body->mesh, &body->surface, why);
         if (!status)
-            status = build(body, compression, quiet, &writer, started_s, result, why);
+            status = build(body, compression, keep_after_s, quiet, &writer, started_s, result, why);
         body_close(body);
     }
     free(body);

@@ -34,10 +34,12 @@ struct body;
 /* The whole of `trocar build`: read, check, scale, surface, place instruments, assemble, compliance, pack, write, open
  * what was written and measure its force error, then give it its name. `compression` NULL: the default. The
  * scene's budget limits the bank (budget.h). On return the scene has its instruments placed.
- * Nothing appears at `out_path` on failure or interrupt; a path that cannot be written is refused before the long part.
- */
-int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, bool quiet,
-               struct build_result *result, struct failure *why);
+ * Nothing appears at `out_path` on failure or interrupt; a path that cannot be written is refused before the long part. A
+ * compliance that took keep_after_s or longer is kept in BANK.part until the build ends by itself, and one that is found
+ * there is taken (resume.h). */
+#define BANK_KEEP_AFTER_S 20.0
+int bank_build(struct scene *scene, const char *out_path, const struct compression *compression, double keep_after_s,
+               bool quiet, struct build_result *result, struct failure *why);
 
 struct pack;
 /* Two steps of bank_build, for those who try several banks of one body. The compression of a prepared pack, its contact

@@ -75,7 +75,7 @@ static int build(const char *path, const char *out_path, struct bank_file *bank,
     if (!status)
         status = check_bank_output(out_path, path, scene, why);
     if (!status)
-        status = bank_build(scene, out_path, NULL, !isatty(STDERR_FILENO), &result, why);
+        status = bank_build(scene, out_path, NULL, BANK_KEEP_AFTER_S, !isatty(STDERR_FILENO), &result, why);
     if (!status)
         status = bank_load(out_path, bank, why);
     free(scene);

@@ -41,6 +41,8 @@ static const char usage[] =
     "      --plain          the compliance uncompressed, as float32\n"
     "      --order ORDER    of the elements: linear, or quadratic, which are not too stiff; the scene's, else "
     "quadratic\n"
+    "      --resume         keep the compliance in BANK.part however short it took (else from 20 s on), so that an\n"
+    "                       interrupted build goes on from there; it is found without this option, too\n"
     "      --json           one JSON object on stdout; an assumed scene then goes to stderr\n"
     "      --quiet          no progress\n";
 
@@ -52,7 +54,7 @@ struct options {
     bool order_given;
     enum element_order order;
     struct compression compression;
-    bool json, quiet, help;
+    bool resume, json, quiet, help;
 };
 
 static int parse_unit(const char *text, enum mesh_unit *unit, struct failure *why)
@@ -126,11 +128,12 @@ static int parse_order(const char *text, struct options *o, struct failure *why)
 
 static int parse(int argc, char **argv, struct options *o, struct failure *why)
 {
-    enum { EXTENT = 256, UNIT, SIZE, ORDER, STEP, FORCE_ERROR, BYTES, INSTRUCTIONS, PLAIN, JSON, QUIET };
+    enum { EXTENT = 256, UNIT, SIZE, ORDER, STEP, FORCE_ERROR, BYTES, INSTRUCTIONS, PLAIN, RESUME, JSON, QUIET };
     static const struct option longs[] = {{"output", required_argument, NULL, 'o'},
                                           {"extent", required_argument, NULL, EXTENT},
                                           {"unit", required_argument, NULL, UNIT},
                                           {"size", required_argument, NULL, SIZE},
+                                          {"resume", no_argument, NULL, RESUME},
                                           {"json", no_argument, NULL, JSON},
                                           {"quiet", no_argument, NULL, QUIET},
                                           {"step", required_argument, NULL, STEP},
@@ -165,6 +168,8 @@ static int parse(int argc, char **argv, struct options *o, struct failure *why)
             o->compression.plain = true;
         else if (answer == ORDER)
             status = parse_order(optarg, o, why);
+        else if (answer == RESUME)
+            o->resume = true;
         else if (answer == JSON)
             o->json = true;
         else if (answer == QUIET)
@@ -247,7 +252,7 @@ int verb_build(int argc, char **argv, struct failure *why)
     if (!status)
         set_limits(&o, scene);
     if (!status)
-        status = bank_build(scene, o.output, &o.compression, o.quiet, &result, why);
+        status = bank_build(scene, o.output, &o.compression, o.resume ? 0 : BANK_KEEP_AFTER_S, o.quiet, &result, why);
     if (!status && result.row_work)
         status = row_cost_measure(o.output, &cost, why);
     char *assumed = !status && !is_scene(o.input) ? scene_print(scene) : NULL;

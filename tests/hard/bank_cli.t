@@ -270,6 +270,64 @@ def interrupted_builds_leave_nothing():
     expect(stopped > len(moments) // 3, "the signals came too late to show anything")
 
 
+def sections(name):
+    """Of a bank, by tag; without what tells how long the build took."""
+    with open(os.path.join(folder, name), "rb") as given:
+        data = given.read()
+    found = {}
+    for at in range(64, 64 + 32 * int.from_bytes(data[12:16], "little"), 32):
+        tag = data[at:at + 4]
+        offset, length = (int.from_bytes(data[at + k:at + k + 4], "little") for k in (8, 12))
+        found[tag] = data[offset:offset + length]
+    lines = [line for line in found.pop(b"PROV").split(b"\n") if b"seconds" not in line]
+    return found, lines
+
+
+@test
+def interrupted_build_goes_on_to_the_same_bank():
+    """--resume keeps the compliance; a build that is stopped behind it goes on from there."""
+    arguments = ["build", "larger.msh", "--extent", "0.2", "--order", "linear"]
+    part = os.path.join(folder, "part.bank.part")
+    expect_exit(run(*arguments, "-o", "whole.bank", "--quiet"), 0)
+    process = subprocess.Popen([TROCAR, *arguments, "--resume", "-o", "part.bank"], cwd=folder, stdout=subprocess.DEVNULL,
+                               stderr=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if not line.startswith("compliance") and os.path.exists(part):  # the next step has begun
+            break
+    process.send_signal(signal.SIGINT)
+    message = process.stderr.read()
+    expect(process.wait() == 130, message)
+    expect("part.bank.part" in message and "goes on from there" in message, message)
+    expect(not os.path.exists(os.path.join(folder, "part.bank")), "a bank is there already")
+    with open(part, "rb") as given:
+        kept = given.read()
+    again = run(*arguments, "-o", "part.bank")
+    expect_exit(again, 0)
+    expect("compliance" not in again.stderr, "the compliance was computed again: " + again.stderr)
+    expect(sections("part.bank") == sections("whole.bank"), "another bank")
+    expect(not os.path.exists(part), "the part is left")
+
+    draw = random.Random(SEED)  # damaged, cut, or another body's: computed again, no harm
+    for case in range(3):
+        changed = bytearray(kept)
+        if case == 0:
+            changed[draw.randrange(len(changed))] ^= 1 << draw.randrange(8)
+        elif case == 1:
+            del changed[draw.randrange(len(changed)):]
+        with open(part, "wb") as out:
+            out.write(changed)
+        again = run("build", "larger.msh", "--extent", "0.3" if case == 2 else "0.2", "--order", "linear", "-o", "part.bank")
+        expect_exit(again, 0)
+        expect("compliance" in again.stderr, f"case {case}: the part was taken")
+        expect(case == 2 or sections("part.bank") == sections("whole.bank"), f"case {case}: another bank")
+    with open(part, "w", encoding="ascii") as out:  # a stranger's file is left alone
+        out.write("mine")
+    expect_exit(run("build", "box.msh", "--extent", "0.1", "--resume", "-o", "part.bank", "--quiet"), 0)
+    with open(part, encoding="ascii") as given:
+        expect(given.read() == "mine", "a stranger's file was written")
+    os.remove(part)
+
+
 @test
 def interrupted_build_keeps_the_old_bank():
     shutil.copy(os.path.join(folder, "a.bank"), os.path.join(folder, "old.bank"))

@@ -352,7 +352,7 @@ static bool on_a_body(const char *path, const char *name)
     scene->order = ELEMENT_QUADRATIC;
     scene->budget_force_error = 0; /* the scene asks for a finer one */
     if (!status)
-        status = bank_build(scene, out, &coarsest, true, &result, &why);
+        status = bank_build(scene, out, &coarsest, INFINITY, true, &result, &why);
     if (!status)
         status = bank_load(out, &bank, &why);
     if (status)

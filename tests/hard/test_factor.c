@@ -239,7 +239,7 @@ static int build(const char *mesh, double force_error, struct build_result *resu
     struct failure why;
     scene_assume(path, 0.214, MESH_UNIT_NONE, scene);
     struct compression wanted = {.force_error = force_error};
-    int status = bank_build(scene, out, &wanted, true, result, &why);
+    int status = bank_build(scene, out, &wanted, INFINITY, true, result, &why);
     if (status)
         failure_print(stderr, &why);
     unlink(out);

@@ -59,7 +59,7 @@ static int build(struct build_result *result)
     struct scene *scene = malloc(sizeof *scene);
     int status = scene_read(scene_path, scene, &why);
     if (!status)
-        status = bank_build(scene, bank_path, &(struct compression){.plain = true}, true, result, &why);
+        status = bank_build(scene, bank_path, &(struct compression){.plain = true}, INFINITY, true, result, &why);
     free(scene);
     return status;
 }
