@@ -8,16 +8,24 @@
 #include "cli.h"
 #include "decode.h"
 #include "open_bank.h"
-#include "replay.h"
+#include "progress.h"
+#include "replay_bus.h"
 #include "wire.h"
+
+#define SILENCE_s 3.0 /* without SYNC for so long, there is no controller */
 
 static const char usage[] =
     "usage: trocar replay LOG --bank BANK|SCENE.yaml [options]\n"
+    "       trocar replay LOG --bus socketcan:IF|slcan:TTY [options]\n"
     "\n"
     "Gives the frames of a recording (candump's format) to the controller, in this process, and compares its torque\n"
     "frames with those of the recording byte for byte, and its state with the hashes in Health.\n"
+    "With --bus the controller is one on a bus, just started, and the recording stands in for its device: at every "
+    "SYNC it\n"
+    "gets the next tick's frames.\n"
     "\n"
     "      --bank FILE         the bank that the controller had; of a scene it is built\n"
+    "      --bus NAME          the bus with the controller; no bank is needed\n"
     "      --node N            the controller's node (default: that of the first encoder or torque frame)\n"
     "      --instrument N      of the bank, from 0 (default 0)\n"
     "      --interface NAME    only frames of this interface (default: the first line's)\n"
@@ -26,7 +34,7 @@ static const char usage[] =
     "Exit code 12: a torque frame or hash differs; the message names the first one's line.\n";
 
 struct request {
-    const char *log, *bank_path;
+    const char *log, *bank_path, *bus;
     struct replay_options options;
     bool json;
 };
@@ -34,6 +42,7 @@ struct request {
 static int parse(struct request *r, int argc, char **argv, bool *done, struct failure *why)
 {
     static const struct option longs[] = {{"bank", required_argument, NULL, 'b'},
+                                          {"bus", required_argument, NULL, 'B'},
                                           {"node", required_argument, NULL, 'n'},
                                           {"instrument", required_argument, NULL, 'i'},
                                           {"interface", required_argument, NULL, 'f'},
@@ -48,6 +57,9 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
         switch (answer) {
         case 'b':
             r->bank_path = optarg;
+            break;
+        case 'B':
+            r->bus = optarg;
             break;
         case 'n':
             status = cli_whole("--node", optarg, 1, 126, &n, why);
@@ -74,7 +86,9 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
         return status;
     if (optind != argc - 1)
         return failure_set(why, STATUS_USAGE, NULL, "see trocar replay --help", "replay takes one recording");
-    if (!r->bank_path)
+    if (r->bus && (r->bank_path || r->options.instrument))
+        return failure_set(why, STATUS_USAGE, NULL, "leave out one", "the controller on a bus has its own bank");
+    if (!r->bus && !r->bank_path)
         return failure_set(why, STATUS_USAGE, NULL, "say --bank FILE", "which bank the controller had is not given");
     r->log = argv[optind];
     return STATUS_OK;
@@ -148,6 +162,74 @@ static int judge(const struct request *r, const struct replay_result *result, st
                       (unsigned long long)(result->differed + result->agreed));
 }
 
+/* The same for a controller on a bus. */
+static int report_bus(const struct request *r, const struct replay_bus *replay, struct failure *why)
+{
+    const uint64_t compared = replay->agreed + replay->differed;
+    if (r->json) {
+        struct json_object *root = json_object_new_object();
+        json_object_object_add(root, "log", json_object_new_string(r->log));
+        json_object_object_add(root, "bus", json_object_new_string(r->bus));
+        whole(root, "ticks", replay->tick_count);
+        whole(root, "replayed", replay->at);
+        whole(root, "agreed", replay->agreed);
+        whole(root, "differed", replay->differed);
+        whole(root, "not_in_log", replay->not_recorded);
+        whole(root, "unanswered", replay->unanswered);
+        whole(root, "no_room", replay->no_room);
+        whole(root, "first_difference_line", (uint64_t)replay->line);
+        puts(json_object_to_json_string_ext(root, JSON_C_TO_STRING_SPACED | JSON_C_TO_STRING_NOSLASHESCAPE));
+        json_object_put(root);
+    } else {
+        printf("%-26s %s, node %u, %zu of %zu ticks\n", "recording", r->log, replay->node, replay->at,
+               replay->tick_count);
+        printf("%-26s %llu agree, %llu differ, %llu not in the log, %llu not sent by the controller\n", "torque frames",
+               (unsigned long long)replay->agreed, (unsigned long long)replay->differed,
+               (unsigned long long)replay->not_recorded, (unsigned long long)replay->unanswered);
+        printf("%-26s %llu\n", "frames without room", (unsigned long long)replay->no_room);
+    }
+    if (replay->differed) {
+        struct can_frame_t heard = {.length = 8};
+        char text[129];
+        memcpy(heard.data, replay->heard, sizeof replay->heard);
+        return failure_at(
+            why, STATUS_CHECK_FAILED, r->log, replay->line,
+            "start the controller afresh, with the recording's bank; trocar monitor shows ticks that it missed",
+            "the controller sent %s instead of this torque frame; %llu of %llu differ", decode_data(&heard, text),
+            (unsigned long long)replay->differed, (unsigned long long)compared);
+    }
+    if (replay->at < replay->tick_count)
+        return failure_set(why, interrupted() ? STATUS_INTERRUPTED : STATUS_BUS_LOST, r->bus, NULL,
+                           "the controller's SYNC was not heard any more after %zu of %zu ticks", replay->at,
+                           replay->tick_count);
+    return STATUS_OK;
+}
+
+static int replay_on_bus(const struct request *r, FILE *in, struct failure *why)
+{
+    struct replay_bus replay;
+    struct backend *backend = NULL;
+    struct backend_received received;
+    int status = replay_bus_open(&replay, in, r->log, &r->options, why);
+    if (status)
+        return status;
+    status = backend_open(r->bus, NULL, &backend, why);
+    double heard_s = seconds_now();
+    while (status == 0 && !interrupted() && seconds_now() - heard_s < SILENCE_s) {
+        status = backend_receive(backend, &received, 100000, why);
+        if (status == 1) {
+            if (received.frame.id == WIRE_SYNC_ID)
+                heard_s = seconds_now();
+            status = replay_bus_receive(&replay, backend, &received, why);
+        }
+    }
+    if (status >= 0)
+        status = report_bus(r, &replay, why);
+    backend_close(backend);
+    replay_bus_close(&replay);
+    return status;
+}
+
 int verb_replay(int argc, char **argv, struct failure *why)
 {
     struct request r = {0};
@@ -160,6 +242,11 @@ int verb_replay(int argc, char **argv, struct failure *why)
     FILE *in = fopen(r.log, "rb");
     if (!in)
         return failure_set(why, STATUS_FILE_OPEN, r.log, NULL, "the recording cannot be opened: %s", strerror(errno));
+    if (r.bus) {
+        status = replay_on_bus(&r, in, why);
+        fclose(in);
+        return status;
+    }
     status = open_bank(r.bank_path, NULL, &bank, why);
     if (!status) {
         if (r.options.instrument >= bank.view.tool_count)

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "candump.h"
 #include "wire.h"
 
 /* The node that a frame is of, when it tells: an encoder or a torque frame. */
@@ -15,9 +14,8 @@ static unsigned node_of(const struct can_frame_t *frame)
                                                                                                                   : 0;
 }
 
-/* Which interface and node it is about. */
-static int look(FILE *in, const char *file, const struct replay_options *options, char interface[CANDUMP_INTERFACE],
-                unsigned *node, struct failure *why)
+int replay_subject(FILE *in, const char *file, const struct replay_options *options, char interface[CANDUMP_INTERFACE],
+                   unsigned *node, struct failure *why)
 {
     struct candump_record record;
     long line = 0;
@@ -86,7 +84,7 @@ int replay_log(FILE *in, const char *file, const struct bank_view *bank, const s
     memset(result, 0, sizeof *result);
     if (!mirror)
         return failure_set(why, STATUS_MEMORY, file, NULL, "no memory for a controller");
-    int status = look(in, file, options, interface, &result->node, why);
+    int status = replay_subject(in, file, options, interface, &result->node, why);
     if (!status)
         status = mirror_open(mirror, bank, options->instrument, (uint8_t)result->node, why);
     if (status) {

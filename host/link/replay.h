@@ -5,6 +5,7 @@
 
 #include <stdio.h>
 
+#include "candump.h"
 #include "mirror.h"
 
 struct replay_options {
@@ -27,6 +28,11 @@ struct replay_result {
     unsigned final_state;                  /* enum safety_state */
     double peak_force_N;
 };
+
+/* Which interface and node a recording is about: those of the options, else of its first line and its first encoder or torque
+ * frame. The stream is at its beginning again. STATUS_BUS_LOG when it has none. */
+int replay_subject(FILE *in, const char *file, const struct replay_options *options, char interface[CANDUMP_INTERFACE],
+                   unsigned *node, struct failure *why);
 
 /* STATUS_BUS_LOG for a line that is none, or a log in which no controller ticks; STATUS_INTERRUPTED. A difference is no
  * failure. */
