@@ -122,8 +122,9 @@ IMAGE_SRC := $(wildcard firmware/*.c shared/*.c) $(EFFECT_FILES:%=firmware/effec
 IMAGE_FLAGS := -DTROCAR_IMAGE $(EFFECTS:%=-DTROCAR_HAS_%)
 
 # A port: firmware/ports/NAME/port.mk says $(eval $(call port,NAME,compiler,flags of all objects,flags of the port's own
-# objects,link flags and libraries)), and in NAME_MORE before it what else the port is made of. The controller's objects are the freestanding ones for every port; a port whose compiler is
-# not installed is left out, and said so.
+# objects,link flags and libraries)), and in NAME_MORE before it what else the port is made of: drivers, parts of other ports.
+# The controller's objects are the freestanding ones for every port; a port whose compiler is not installed is left out, and said
+# so. A compiler cache would not keep the call graph that `make budgets` reads.
 PORTS :=
 define port
 $(1)_DIR := $(B)/firmware/$(1)$(IMAGE:%=/%)
@@ -138,10 +139,10 @@ without-$(1):
 $(1)_OBJ := $$(patsubst %,$$($(1)_DIR)/%.o,$$(basename $$(IMAGE_SRC) $$(wildcard firmware/ports/$(1)/*.[cS]) $$($(1)_MORE)))
 $$($(1)_DIR)/firmware/ports/%.o: firmware/ports/%.c $$($(1)_DIR)/image.effects | packages
 	@mkdir -p $$(@D)
-	$$(Q)$(2) $(4) $(3) $$(IMAGE_FLAGS) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@
+	$$(Q)CCACHE_DISABLE=1 $(2) $(4) $(3) $$(IMAGE_FLAGS) -Ishared -Ifirmware -MMD -MP -c $$< -o $$@
 $$($(1)_DIR)/%.o: %.c $$($(1)_DIR)/image.effects | packages
 	@mkdir -p $$(@D)
-	$$(Q)$(2) $(FREESTANDING) $$(IMAGE_FLAGS) $(3) -MMD -MP -c $$< -o $$@
+	$$(Q)CCACHE_DISABLE=1 $(2) $(FREESTANDING) $$(IMAGE_FLAGS) $(3) -MMD -MP -c $$< -o $$@
 $$($(1)_DIR)/%.o: %.S | packages
 	@mkdir -p $$(@D)
 	$$(Q)$(2) $(3) -MMD -MP -c $$< -o $$@

@@ -111,6 +111,11 @@ void fdcan_poll(struct fdcan *c)
     c->off = off;
 }
 
+bool fdcan_waiting(struct fdcan *c)
+{
+    return (register_read(&c->registers->receive_status) & 0x7Fu) != 0;
+}
+
 bool fdcan_receive(struct fdcan *c, struct can_frame_t *frame)
 {
     uint32_t status = register_read(&c->registers->receive_status);

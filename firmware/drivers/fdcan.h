@@ -119,6 +119,9 @@ bool fdcan_start(struct fdcan *c, struct fdcan_registers *registers, struct fdca
  * happens twice between two calls counts once. */
 void fdcan_poll(struct fdcan *c);
 
+/* A frame has been received and not yet taken. */
+bool fdcan_waiting(struct fdcan *c);
+
 /* The oldest frame received, or false. */
 bool fdcan_receive(struct fdcan *c, struct can_frame_t *frame);
 

@@ -44,7 +44,8 @@ static void only_its_own_part_of_the_message_ram_is_used(void **state)
         assert_true(driver_transmit(&d, &f) && driver_urgent(&d, &f));
         hear(0x181, 8, (uint8_t)i);
         bus_run(500);
-        assert_true(driver_receive(&d, &got) && got.data[0] == (uint8_t)i);
+        assert_true(fdcan_waiting(&d) && driver_receive(&d, &got) && got.data[0] == (uint8_t)i);
+        assert_false(fdcan_waiting(&d));
     }
     unsigned end = MODEL_OFFSET + sizeof(struct fdcan_memory) / 4;
     for (unsigned i = 0; i < MODEL_WORDS; i++)

@@ -97,7 +97,7 @@ def functions(port):
     return [address for address, _ in found], [name for _, name in found]
 
 
-IMAGE_CHECKS = 6
+IMAGE_CHECKS = 7
 
 
 def check_image(port):
@@ -106,6 +106,10 @@ def check_image(port):
     symbols = emulated.symbols(port.image)
     check(port, "image", sizes[".text"] + sizes[".data"])
     check(port, "memory", symbols["memory_bss_end"] - symbols["memory_guard"])
+    unknown = [path.name for path in port.objects(".o") if not path.with_suffix(".ci").exists() and
+               path.relative_to(port.build).with_suffix(".c").exists()]
+    result(symbols["memory_handler_stack_top"] <= symbols["memory_data"] <= symbols["memory_bss"] and not unknown,
+           "%s: the variables lie above the stacks, and each object has its call graph" % port.title, unknown)
     frame, _, calls = call_graph(port.objects(".ci"))
     (worst, chain), cycles = deepest(frame, calls)
     check(port, "stack", worst)

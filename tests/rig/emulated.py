@@ -105,8 +105,13 @@ class CortexR5(Image):
                 "-device", "loader,file=%s" % image]
 
 
+class Stm32h743(Image):
+    name = "stm32h743"
+    title = "STM32H743"
+
+
 PORTS = [CortexM7(), CortexR5()]  # that an emulator can run
-COMPILED = []                     # that are built and measured only
+COMPILED = [Stm32h743()]          # that are built and measured only
 
 
 def native(bank, answers, out):

@@ -92,6 +92,12 @@ void semihosting_print_hexadecimal(uint32_t number)
     semihosting_print(digits);
 }
 
+void semihosting_print_register(const char *name, uint32_t value)
+{
+    semihosting_print(name);
+    semihosting_print_hexadecimal(value);
+}
+
 _Noreturn void semihosting_exit(int code)
 {
     uintptr_t block[2] = {APPLICATION_EXIT, (uintptr_t)code};

@@ -20,6 +20,8 @@ bool semihosting_command_line(char *line, size_t room);
 void semihosting_print(const char *text);
 void semihosting_print_decimal(uint32_t number);
 void semihosting_print_hexadecimal(uint32_t number);
+/* A name, and the number as 8 hexadecimal digits. */
+void semihosting_print_register(const char *name, uint32_t value);
 /* End the emulation; `code` is the emulator's exit code. */
 _Noreturn void semihosting_exit(int code);
 

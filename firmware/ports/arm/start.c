@@ -1,7 +1,5 @@
 #include "start.h"
 
-#include "semihosting.h"
-
 /* Of the linker script: places, not values. */
 extern uint32_t memory_stack[], memory_stack_top[], memory_data[], memory_data_end[], memory_bss[], memory_bss_end[];
 extern const uint32_t memory_data_image[];
@@ -26,10 +24,4 @@ uint32_t start_stack_used(void)
     while (lowest != memory_stack_top && *lowest == START_PAINT) /* bound: words of the stack */
         lowest++;
     return (uint32_t)((uintptr_t)memory_stack_top - (uintptr_t)lowest);
-}
-
-void start_print_register(const char *name, uint32_t value)
-{
-    semihosting_print(name);
-    semihosting_print_hexadecimal(value);
 }

@@ -1,5 +1,5 @@
-/* What the start-up of the bare-metal Arm ports has in common. A port's linker script says where its memory is; its reset.c
- * brings the processor from reset to start_variables and controller_main: stack painted, FPU on, variables set, memory
+/* What the start-up of the bare-metal Arm ports has in common. A port's linker script says where its memory is; armv7m.c or
+ * the port's own code brings the processor from reset to start_variables and controller_main: stack painted, FPU on, variables set, memory
  * protected so that
  *
  *   code              may be read and executed
@@ -29,8 +29,5 @@ void start_variables(void);
 /* Most bytes of the loop's stack that were ever in use, and how many there are. */
 uint32_t start_stack_used(void);
 uint32_t start_stack_bytes(void);
-
-/* " name=value" of a fault's report. */
-void start_print_register(const char *name, uint32_t value);
 
 #endif

@@ -84,11 +84,11 @@ _Noreturn void report_fault(uint32_t which, uint32_t place)
     if (which == 3 &&
         data_address - (uint32_t)(uintptr_t)memory_guard < (uintptr_t)memory_stack - (uintptr_t)memory_guard)
         semihosting_print(" stack=overflow");
-    start_print_register(" pc=", place);
-    start_print_register(" dfsr=", data_status);
-    start_print_register(" dfar=", data_address);
-    start_print_register(" ifsr=", instruction_status);
-    start_print_register(" ifar=", instruction_address);
+    semihosting_print_register(" pc=", place);
+    semihosting_print_register(" dfsr=", data_status);
+    semihosting_print_register(" dfar=", data_address);
+    semihosting_print_register(" ifsr=", instruction_status);
+    semihosting_print_register(" ifar=", instruction_address);
     semihosting_print("\n");
     semihosting_exit(START_FAULT_EXIT);
 }

@@ -1,12 +1,17 @@
-#include "ports/arm/semihosting.h"
-#include "ports/arm/start.h"
+#include "armv7m.h"
 
-/* Of an500.ld: places, not values. */
-extern uint32_t memory_guard[], memory_handler_stack_top[];
-extern const uint32_t memory_bank[];
+#include "start.h"
 
-/* Registers of the system control space (Armv7-M Architecture Reference Manual, B3.2.2 and B3.5.4). */
+/* Of the linker script: a place, not a value. */
+extern uint32_t memory_handler_stack_top[];
+
+/* Registers of the system control space. */
 #define REGISTER(address) (*(volatile uint32_t *)(address))
+#define CCR               REGISTER(0xE000ED14u)
+#define CCSIDR            REGISTER(0xE000ED80u)
+#define CSSELR            REGISTER(0xE000ED84u)
+#define ICIALLU           REGISTER(0xE000EF50u)
+#define DCISW             REGISTER(0xE000EF60u)
 #define SHCSR             REGISTER(0xE000ED24u) /* enables the memory, bus and usage fault handlers */
 #define CFSR              REGISTER(0xE000ED28u)
 #define HFSR              REGISTER(0xE000ED2Cu)
@@ -19,28 +24,47 @@ extern const uint32_t memory_bank[];
 #define MPU_RASR          REGISTER(0xE000EDA0u)
 
 enum {
-    ACCESS_NONE = 0,
-    ACCESS_WRITE = 3,
-    ACCESS_READ = 6,
+    NO_ACCESS = 0 << 24,
+    READ_WRITE = 3 << 24,
+    READ_ONLY = 6 << 24,
     EXECUTE_NEVER = 1 << 28,
     CACHED = 1 << 19 | 1 << 17 | 1 << 16, /* normal memory, write-back, allocated on read and write */
-    STACKING_FAILED = 1 << 4 | 1 << 12    /* in CFSR: no frame was written */
+    DEVICE = 1 << 18 | 1 << 16,
+    STACKING_FAILED = 1 << 4 | 1 << 12 /* in CFSR: no frame was written */
 };
 
-/* A region of 2^log2_bytes bytes at a multiple of its size. The higher number wins where two overlap. */
-static void protect(uint32_t number, const volatile void *address, uint32_t log2_bytes, uint32_t access, uint32_t more)
+void armv7m_protect(uint32_t number, const volatile void *address, uint32_t log2_bytes, enum armv7m_access access)
 {
+    static const uint32_t attributes[] = {
+        [ARMV7M_NOTHING] = NO_ACCESS | CACHED | EXECUTE_NEVER, [ARMV7M_CODE] = READ_ONLY | CACHED,
+        [ARMV7M_READ] = READ_ONLY | CACHED | EXECUTE_NEVER,    [ARMV7M_WRITE] = READ_WRITE | CACHED | EXECUTE_NEVER,
+        [ARMV7M_DEVICE] = READ_WRITE | DEVICE | EXECUTE_NEVER,
+    };
     MPU_RNR = number;
     MPU_RBAR = (uint32_t)(uintptr_t)address;
-    MPU_RASR = more | CACHED | access << 24 | (log2_bytes - 1u) << 1 | 1u;
+    MPU_RASR = attributes[access] | (log2_bytes - 1u) << 1 | 1u;
 }
 
-static void protect_memory(void)
+/* Armv7-M Architecture Reference Manual, B2.2: what caches hold after power-on is undefined. */
+void armv7m_caches_on(void)
 {
-    protect(0, (const void *)0, 22, ACCESS_READ, 0);
-    protect(1, memory_guard, 22, ACCESS_WRITE, EXECUTE_NEVER);
-    protect(2, memory_bank, 24, ACCESS_READ, EXECUTE_NEVER);
-    protect(3, memory_guard, 12, ACCESS_NONE, EXECUTE_NEVER);
+    CSSELR = 0; /* the data cache of level 1 */
+    __asm__ volatile("dsb" ::: "memory");
+    uint32_t size = CCSIDR, sets = (size >> 13 & 0x7FFFu) + 1, ways = (size >> 3 & 0x3FFu) + 1;
+    uint32_t line_bits = (size & 7u) + 4, way_shift = 32;
+    for (uint32_t rest = ways - 1; rest; rest >>= 1) /* bound: 10 bits */
+        way_shift--;
+    for (uint32_t set = 0; set < sets; set++)     /* bound: 32768 */
+        for (uint32_t way = 0; way < ways; way++) /* bound: 1024 */
+            DCISW = set << line_bits | (way_shift < 32 ? way << way_shift : 0);
+    ICIALLU = 0;
+    __asm__ volatile("dsb\n isb" ::: "memory");
+    CCR |= 1u << 16 | 1u << 17; /* data, instructions */
+    __asm__ volatile("dsb\n isb" ::: "memory");
+}
+
+void armv7m_protect_on(void)
+{
     MPU_CTRL = 1; /* on, and no other memory */
     SHCSR |= 7u << 16;
     __asm__ volatile("dsb\n isb" ::: "memory");
@@ -52,8 +76,8 @@ __attribute__((used)) static _Noreturn void start(void)
     CPACR |= 15u << 20;
     __asm__ volatile("dsb\n isb" ::: "memory");
     start_variables();
-    protect_memory();
-    semihosting_exit(controller_main());
+    port_start();
+    port_end(controller_main());
 }
 
 /* Paint the loop's stack, which is not in use yet, and move onto it. */
@@ -79,17 +103,13 @@ void reset(void)
 __attribute__((used)) static _Noreturn void report_fault(const uint32_t *frame)
 {
     uint32_t cfsr = CFSR;
-    semihosting_print("controller: fault");
-    if (cfsr & STACKING_FAILED)
-        semihosting_print(" stack=overflow");
-    else
-        start_print_register(" pc=", frame[6]);
-    start_print_register(" cfsr=", cfsr);
-    start_print_register(" hfsr=", HFSR);
-    start_print_register(" mmfar=", MMFAR);
-    start_print_register(" bfar=", BFAR);
-    semihosting_print("\n");
-    semihosting_exit(START_FAULT_EXIT);
+    bool overflow = cfsr & STACKING_FAILED;
+    port_fault(&(struct armv7m_fault){.pc = overflow ? 0 : frame[6],
+                                      .cfsr = cfsr,
+                                      .hfsr = HFSR,
+                                      .mmfar = MMFAR,
+                                      .bfar = BFAR,
+                                      .stack_overflow = overflow});
 }
 
 __attribute__((naked)) static void fault(void)
