@@ -123,7 +123,7 @@ static inline void add_columns(const float G[9], const float n[3], float w, floa
 
 /* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
  * directions, as G_ji is the transpose of G_ij. */
-static void assemble_response(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
+void contact_respond(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
 {
     uint32_t m = s->count;
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
@@ -242,9 +242,8 @@ void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank
     s->count = kept;
 }
 
-void contact_push(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
+void contact_push(struct contact_set *s, const struct bank_view *bank)
 {
-    assemble_response(s, g, bank);
     uint32_t m = s->count, guess = 0;
     float softness = 1.0f / bank->contact->coupling_stiffness_N_m, depth[CONTACT_MAX], p[CONTACT_MAX];
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */

@@ -65,7 +65,7 @@ struct contact_set {
     float proxy_offset_m[3]; /* proxy's tip minus device's tip: force / k */
 };
 
-/* One tick, in three steps between which an effect may do its part: the touching points as contacts; */
+/* One tick, in four steps between which an effect may do its part: the touching points as contacts; */
 void contact_gather(struct contact_set *s, const struct collide *points);
 
 /* those whose rows are there. With a factor bank a contact needs its rows prepared within the tick's work (row_cache.h);
@@ -73,16 +73,20 @@ void contact_gather(struct contact_set *s, const struct collide *points);
  * anchor with its new depth and normal; one that has just begun is left out until they are. */
 void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank_view *bank);
 
-/* and their forces: assemble, solve, evaluate. */
-void contact_push(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
+/* their response to each other; */
+void contact_respond(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
 
-/* The three without any effect. */
+/* and their forces: solve, evaluate. */
+void contact_push(struct contact_set *s, const struct bank_view *bank);
+
+/* The four without any effect. */
 static inline void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
                                   const struct collide *points)
 {
     contact_gather(s, points);
     contact_admit(s, g, bank);
-    contact_push(s, g, bank);
+    contact_respond(s, g, bank);
+    contact_push(s, bank);
 }
 
 /* Compliance block between corner i of one admitted contact and corner j of another; its transpose when *turned. Neither

@@ -43,12 +43,16 @@ static void touch(struct controller *c, const struct bank_view *bank, const stru
     float points_m[BANK_MAX_TOOL_POINTS][3];
     for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
         kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
+    effects_move(c, bank, points_m, tool->point_count);
     collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
     contact_gather(&c->contact, &c->collide);
     effects_place(c, bank, in);
     contact_admit(&c->contact, &c->rows, bank);
-    if (!effects_push(c, bank))
-        contact_push(&c->contact, &c->rows, bank);
+    if (!effects_push(c, bank)) {
+        contact_respond(&c->contact, &c->rows, bank);
+        effects_respond(c, bank);
+        contact_push(&c->contact, bank);
+    }
     effects_follow(c, bank);
     contact_expect(&c->contact, &c->rows, bank, &c->collide, c->kinematics.velocity_m_s);
     const float *f = c->contact.force_N;

@@ -222,6 +222,22 @@ struct bank_friction {
     uint32_t reserved[2]; /* 0 */
 };
 
+/* SWNG, present exactly when the effect swing is named, count = modes: struct bank_swing, then per mode and vertex 3 float32, the
+ * mode's share s of the displacement, (m/N)^(1/2): the compliance holds the sum of s s'. */
+#define BANK_SWNG      BANK_TAG('S', 'W', 'N', 'G')
+#define BANK_MAX_MODES 8
+struct bank_mode {
+    /* a tick of z'' + 2 zeta omega z' + omega^2 z = omega^2 g, w = z' / omega, each 0 .. 1:
+     * z += drive (g - z) + glide w, w += pull (g - z) - drag w */
+    float drive, glide, pull, drag;
+    float affine[12]; /* row-major 3 x 4: s = affine (x, y, z, 1) as a map of space, for the tool's points */
+};
+struct bank_swing {
+    uint32_t modes;                        /* = count, to BANK_MAX_MODES */
+    uint32_t reserved[3];                  /* 0 */
+    struct bank_mode mode[BANK_MAX_MODES]; /* 0 beyond `modes` */
+};
+
 /* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')

@@ -21,6 +21,7 @@
 
 #include "bank_format.h"
 #include "crc.h"
+#include "effects/image.h"
 
 struct bank_fixture_options {
     unsigned subdivisions; /* 0..4: 12, 42, 162, 642, 2562 vertices */
@@ -33,6 +34,7 @@ struct bank_fixture_options {
     double tip_radius_m;
     double friction_mu; /* 0: the bank does not name friction */
     unsigned friction_sweeps;
+    const struct bank_swing *swing; /* with its shapes behind it; NULL: the bank does not name it */
 };
 
 static const struct bank_fixture_options bank_fixture_default = {.subdivisions = 2,
@@ -341,11 +343,21 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         half,
         {BANK_CONT, BANK_REQUIRED, 1, 1, sizeof contact, &contact},
         {BANK_TOOL, BANK_REQUIRED, 1, o->instruments, o->instruments * (uint32_t)sizeof tool[0], tool},
-        {BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction},
+        {0}, /* effects, one after the other */
+        {0},
     };
-    bool effects = o->friction_mu > 0;
-    unsigned char *bytes = bank_fixture_join(part, sizeof part / sizeof part[0] - !effects, length);
-    ((struct bank_header *)bytes)->effects = effects; /* bit 0 */
+    uint32_t parts = 8, effects = 0;
+    if (o->friction_mu > 0) {
+        part[parts++] = (struct fixture_part){BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction};
+        effects |= EFFECT_FRICTION;
+    }
+    if (o->swing) {
+        uint32_t size = (uint32_t)sizeof *o->swing + o->swing->modes * n * 12;
+        part[parts++] = (struct fixture_part){BANK_SWNG, BANK_REQUIRED, 1, o->swing->modes, size, (void *)o->swing};
+        effects |= EFFECT_SWING;
+    }
+    unsigned char *bytes = bank_fixture_join(part, parts, length);
+    ((struct bank_header *)bytes)->effects = effects;
     bank_fixture_seal(bytes, *length);
     free(part[3].data), free(half.data), free(row_of), free(t), free(normal), free(x), free(s.x), free(s.t);
     return bytes;

@@ -13,5 +13,8 @@
 #if IF_FRICTION(1) + 0
 #include "effects/friction.h"
 #endif
+#if IF_SWING(1) + 0
+#include "effects/swing.h"
+#endif
 
 #endif

@@ -5,15 +5,24 @@
 
 #include "tick.h"
 
+/* Before the collision: where the tool's points are as the body sees them, which may have moved itself. */
+static inline void effects_move(struct controller *c, const struct bank_view *bank, float (*points_m)[3],
+                                uint32_t count)
+{
+    (void)c, (void)bank, (void)points_m, (void)count;
+    IF_SWING(if (bank->swing) swing_move(&c->swing, bank, points_m, count);)
+}
+
 /* After the touching points are known, before the rows of their triangles are asked for: where on the surface each contact
  * acts, and which contacts there are. c->contact holds them as the collision found them; `in` has roll and grip. */
 static inline void effects_place(struct controller *c, const struct bank_view *bank, const struct tick_input *in)
 {
     (void)c, (void)bank, (void)in;
     IF_FRICTION(if (bank->friction) friction_place(&c->friction, bank, &c->contact, &c->collide);)
+    IF_SWING(if (bank->swing) swing_place(&c->swing, bank, &c->contact);)
 }
 
-/* In place of contact_push: forces that are more than a push along the normal. True when they are done. */
+/* In place of contact_respond and contact_push: forces that are more than a push along the normal. True when they are done. */
 static inline bool effects_push(struct controller *c, const struct bank_view *bank)
 {
     (void)c, (void)bank;
@@ -24,11 +33,19 @@ static inline bool effects_push(struct controller *c, const struct bank_view *ba
     return false;
 }
 
+/* Between contact_respond and contact_push: what else than the bank's compliance decides how contacts respond to each other. */
+static inline void effects_respond(struct controller *c, const struct bank_view *bank)
+{
+    (void)c, (void)bank;
+    IF_SWING(if (bank->swing) swing_respond(&c->swing, bank, &c->contact);)
+}
+
 /* After the forces of this tick are known: what an effect remembers of them. */
 static inline void effects_follow(struct controller *c, const struct bank_view *bank)
 {
     (void)c, (void)bank;
     IF_FRICTION(if (bank->friction) friction_follow(&c->friction, &c->contact);)
+    IF_SWING(if (bank->swing) swing_follow(&c->swing, bank, &c->contact);)
 }
 
 /* The way between two ticks is not known, or a force was not finite: nothing remembered of contact is true any more. */
@@ -36,6 +53,7 @@ static inline void effects_forget(struct controller *c)
 {
     (void)c;
     IF_FRICTION(friction_forget(&c->friction);)
+    IF_SWING(swing_forget(&c->swing);)
 }
 
 #endif

@@ -15,6 +15,12 @@
 #define IF_FRICTION(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_swing)
+#define IF_SWING(...) __VA_ARGS__
+#else
+#define IF_SWING(...)
+#endif
+
 /* The bit of each effect, and those of this image. */
 enum {
 #define EFFECT(bit, NAME, name, tag, parts, what) EFFECT_##NAME = 1 << (bit),

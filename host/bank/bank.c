@@ -241,8 +241,8 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
 
 /* Contact, instruments and effects, from the scene as its text in the bank reads: what is checked later is that text, and reading
  * may round the last bit of a number otherwise. */
-static int set_records(const char *scene_text, const char *path, double median_m_N, struct pack *pack,
-                       struct failure *why)
+static int set_records(struct body *body, const char *scene_text, const char *path, double median_m_N,
+                       struct pack *pack, struct failure *why)
 {
     struct scene *scene = malloc(sizeof *scene);
     if (!scene)
@@ -253,7 +253,7 @@ static int set_records(const char *scene_text, const char *path, double median_m
     for (size_t i = 0; i < pack->tools && !status; i++)
         status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
     if (!status)
-        status = pack_effects(pack, scene, why);
+        status = pack_effects(pack, scene, body, why);
     pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
     free(scene);
     return status;
@@ -290,7 +290,7 @@ static int write_bank(struct body *body, struct pack *pack, const struct complia
                       struct build_result *result, struct failure *why)
 {
     struct compressed compressed = {0};
-    int status = set_records(scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
+    int status = set_records(body, scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
     if (!status && !wanted->plain)
         status = bank_compress(body, G, pack, wanted, quiet, &compressed, why);
     if (status == STATUS_BANK_LIMIT)

@@ -217,13 +217,13 @@ void pack_compressed(struct pack *p, const struct compressed *compressed)
     p->bytes += padded(compressed->length) - padded(half_bytes(p->rows));
 }
 
-int pack_effects(struct pack *p, const struct scene *scene, struct failure *why)
+int pack_effects(struct pack *p, const struct scene *scene, struct body *body, struct failure *why)
 {
     for (size_t i = 0; i < effects_count(); i++) {
         const struct effect *effect = effects_at(i);
         if (!(scene->effects.named & effect->bit))
             continue;
-        int status = effect->section(scene, &p->effect[p->effect_sections], why);
+        int status = effect->section(scene, body, &p->effect[p->effect_sections], why);
         if (status)
             return status;
         p->effects |= effect->bit;

@@ -54,7 +54,7 @@ uint64_t pack_rest(const struct pack *pack);
 /* Make `bytes` that of a bank with this in place of GHLF. */
 void pack_compressed(struct pack *pack, const struct compressed *compressed);
 /* Between pack_prepare and pack_write. */
-int pack_effects(struct pack *pack, const struct scene *scene, struct failure *why);
+int pack_effects(struct pack *pack, const struct scene *scene, struct body *body, struct failure *why);
 /* `compressed` NULL: GHLF; else FACT, and the rows take its order. */
 int pack_write(struct pack *pack, const struct compliance *compliance, const struct compressed *compressed,
                struct file_writer *writer, bool quiet, struct failure *why);

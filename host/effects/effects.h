@@ -10,7 +10,9 @@
 #include <stdio.h>
 
 #include "scene_friction.h"
+#include "scene_swing.h"
 
+struct body;
 struct failure;
 struct scene;
 struct tree;
@@ -36,8 +38,8 @@ struct effect {
     void (*parse)(struct tree *tree, void *map, struct scene *scene);
     /* "{key: value, ...}", which parse reads back to the same. */
     void (*print)(FILE *out, const struct scene *scene);
-    /* Its section of the bank, from a scene that names it. */
-    int (*section)(const struct scene *scene, struct effect_section *section, struct failure *why);
+    /* Its section of the bank, from a scene that names it and the body that the scene describes. */
+    int (*section)(const struct scene *scene, struct body *body, struct effect_section *section, struct failure *why);
 };
 
 size_t effects_count(void);

@@ -30,8 +30,10 @@ void scene_friction_print(FILE *out, const struct scene *scene)
     fprintf(out, "{mu: %s, sweeps: %u}", mu, scene->effects.friction.sweeps);
 }
 
-int scene_friction_section(const struct scene *scene, struct effect_section *section, struct failure *why)
+int scene_friction_section(const struct scene *scene, struct body *body, struct effect_section *section,
+                           struct failure *why)
 {
+    (void)body;
     struct bank_friction *b = malloc(sizeof *b);
     if (!b)
         return failure_set(why, STATUS_MEMORY, scene->path, NULL, "no memory for the effect friction");

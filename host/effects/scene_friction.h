@@ -4,6 +4,7 @@
 
 #include <stdio.h>
 
+struct body;
 struct effect_section;
 struct failure;
 struct scene;
@@ -18,6 +19,7 @@ struct scene_friction {
 
 void scene_friction_parse(struct tree *tree, void *map, struct scene *scene);
 void scene_friction_print(FILE *out, const struct scene *scene);
-int scene_friction_section(const struct scene *scene, struct effect_section *section, struct failure *why);
+int scene_friction_section(const struct scene *scene, struct body *body, struct effect_section *section,
+                           struct failure *why);
 
 #endif

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "device.h"
+#include "effects/image.h"
 #include "scene_keys.h"
 
 static void tip(struct tree *t, tree_node map, struct scene_instrument *instrument)
@@ -143,6 +144,9 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         scene->effects.named |= effect->bit;
         effect->parse(t, yaml_document_get_node(&t->document, pair->value), scene);
     }
+    const uint32_t both = EFFECT_FRICTION | EFFECT_SWING;
+    if ((scene->effects.named & both) == both)
+        tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "friction and swing do not go together yet");
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)

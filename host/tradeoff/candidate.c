@@ -53,20 +53,20 @@ void discretisation_free(struct discretisation *d)
 }
 
 /* The records that follow from scene and setting: contact, instruments and effects of `pack`. */
-static int records(const struct scene *placed, const struct setting *setting, double median_m_N, struct pack *pack,
+static int records(struct body *body, const struct setting *setting, double median_m_N, struct pack *pack,
                    struct failure *why)
 {
     struct scene *scene = malloc(sizeof *scene);
     if (!scene)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
-    *scene = *placed;
+    *scene = body->scene;
     knob_apply(setting, scene);
     scene_contact(scene, median_m_N, &pack->contact);
     int status = STATUS_OK;
     for (size_t i = 0; i < scene->instrument_count && !status; i++)
         status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
     if (!status)
-        status = pack_effects(pack, scene, why);
+        status = pack_effects(pack, scene, body, why);
     free(scene);
     return status;
 }
@@ -94,7 +94,7 @@ static int store(struct discretisation *d, const struct setting *setting, const 
         status = pack_prepare(&pack, &d->body.mesh, &d->body.surface, model_fixed_vertices(d->body.model),
                               scene->instrument_count, why);
     if (!status)
-        status = records(scene, setting, d->compliance.median_diagonal_m_N, &pack, why);
+        status = records(&d->body, setting, d->compliance.median_diagonal_m_N, &pack, why);
     if (!status)
         pack.scene_hash = crc32_update(0, text, strlen(text));
     if (!status && !wanted.plain)
@@ -158,11 +158,10 @@ static void replace(struct bank_file *bank, uint32_t tag, const void *bytes)
     h->header_crc = crc32_update(0, h, sizeof *h - sizeof h->header_crc);
 }
 
-int candidate_retool(struct candidate *c, const struct scene *placed, const struct setting *setting,
-                     struct failure *why)
+int candidate_retool(struct candidate *c, struct body *body, const struct setting *setting, struct failure *why)
 {
     struct pack pack = {0};
-    int status = records(placed, setting, (double)c->view.contact->typical_compliance_m_N, &pack, why);
+    int status = records(body, setting, (double)c->view.contact->typical_compliance_m_N, &pack, why);
     pack.contact.regularisation_m_N = c->view.contact->regularisation_m_N; /* not rounded twice */
     if (!status) {
         replace(&c->bank, BANK_CONT, &pack.contact);

@@ -31,7 +31,7 @@ struct candidate {
 int candidate_make(struct discretisation *d, const struct setting *setting, const char *folder, size_t trials,
                    uint64_t seed, bool quiet, struct candidate *candidate, struct failure *why);
 /* The controller's stage set anew: TOOL and CONT of the bank in memory and in its file. */
-int candidate_retool(struct candidate *candidate, const struct scene *placed, const struct setting *setting,
+int candidate_retool(struct candidate *candidate, struct body *body, const struct setting *setting,
                      struct failure *why);
 void candidate_free(struct candidate *candidate);
 

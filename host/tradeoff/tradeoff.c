@@ -167,7 +167,7 @@ static int measure_ticks(struct bench *b, const struct setting *setting, struct 
     struct replay replay;
     struct tick_error error;
     struct count count;
-    int status = candidate_retool(&b->bank, &b->scene, setting, why);
+    int status = candidate_retool(&b->bank, &b->body.body, setting, why);
     if (status)
         return status;
     status = replay_run(&b->bank.view, &b->recording, b->options->quick ? QUICK_RUNS : FULL_RUNS, &replay, why);
