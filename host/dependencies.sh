@@ -12,7 +12,7 @@ build='gcc libc6-dev make pkg-config
     libgmsh-dev libyaml-dev libexpat1-dev zlib1g-dev libjson-c-dev
     libwebsockets-dev libssl-dev libjs-three'
 test='libcmocka-dev libccd-dev python3 clang-format cppcheck chromium chromium-driver gcc-arm-none-eabi
-    clang lld qemu-system-arm valgrind'
+    clang lld qemu-system-arm valgrind user-mode-linux kmod iproute2 can-utils'
 
 die()
 {

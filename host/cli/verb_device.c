@@ -93,6 +93,8 @@ int verb_device(int argc, char **argv, struct failure *why)
         return status;
     status = device_process_start(&process, &bank, request.bus, &request.options, why);
     if (!status)
+        fprintf(stderr, "device: node %u is on %s\n", (unsigned)request.options.node, backend_name(process.backend));
+    if (!status)
         status = device_process_run(&process, cli_warn, why);
     if (process.backend) {
         const struct device *d = &process.node.device;

@@ -114,9 +114,10 @@ int remote_step(struct remote *r, int64_t wait_us, void (*say)(const struct fail
     } while (!over(r));
     if (over(r))
         return 0;
-    if (!r->options.patient && 1e6 * seconds_now() - (double)r->heard_us > REMOTE_SILENCE_US)
+    const int limit_us = r->ticks ? REMOTE_SILENCE_US : REMOTE_FIRST_US;
+    if (!r->options.patient && 1e6 * seconds_now() - (double)r->heard_us > limit_us)
         return failure_set(why, STATUS_BUS_LOST, backend_name(r->backend), "start it, or look at its power and cable",
-                           "no controller sends SYNC: nothing for %d s", REMOTE_SILENCE_US / 1000000);
+                           "no controller sends SYNC: nothing for %d s", limit_us / 1000000);
     return 1;
 }
 

@@ -11,7 +11,10 @@
 #include "link.h"
 #include "torque_log.h"
 
-enum { REMOTE_SILENCE_US = 2000000 /* without SYNC for so long, the controller is given up */ };
+enum {
+    REMOTE_FIRST_US = 10000000, /* so long the first SYNC is waited for */
+    REMOTE_SILENCE_US = 2000000 /* so long without SYNC, and the controller is given up */
+};
 
 struct remote_options {
     const char *bus, *torque_log; /* torque_log NULL: only its hash */

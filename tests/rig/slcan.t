@@ -43,6 +43,8 @@ def session(place, slow):
     controller = subprocess.Popen([CONTROLLER, place / "bank", "--bus", bus[0], "--slow", str(slow)], stderr=said[0])
     device = subprocess.Popen([TROCAR, "device", place / "bank", "--bus", bus[1], "--gesture", place / "gesture"],
                               stderr=said[1])
+    while any(process.poll() is None and file.tell() == 0 for process, file in ((controller, said[0]), (device, said[1]))):
+        os.sched_yield()  # until both say that they are on the bus
     host = subprocess.run([TROCAR, "run", "--bus", bus[2], "--ticks", str(TICKS), "--json"], stdout=subprocess.PIPE,
                           stderr=said[2])
     codes = [host.returncode]
@@ -62,16 +64,16 @@ def main():
         place = pathlib.Path(name)
         (place / "gesture").write_text(GESTURE)
         subprocess.run([PROBE, "bank", place / "bank"], check=True)
-        for slow in (4, 40):  # a machine that is busy with other things is given more time
+        for slow in (2, 20):  # a machine that is busy with other things is given more time
             log, report, codes, texts = session(place, slow)
             if log.touching and log.enabled > TICKS // 2 and codes == [0, 0, 0, 0]:
                 break
-        print("# %d ticks of %d ms: %s; %.3f N; %s" % (log.ticks, slow, dict(log.frames), log.peak_N, texts[0].splitlines()[:1]))
+        print("# %d ticks of %d ms: %s; %.3f N; %s" % (log.ticks, slow, dict(log.frames), log.peak_N, [line for line in texts[0].splitlines() if "late" in line]))
         check("all three come up, run and end well", codes == [0, 0, 0, 0] and report.get("ran"), (codes, report, texts))
         check("every frame decodes, and SYNC and encoders miss no number", not log.faults, log.faults[:20])
         check("torque is on, and the organ pushes back", log.enabled > TICKS // 2 and log.touching > 0, vars(log).keys())
-        check("a torque carries the number of the sample before it", log.answered >= 0.9 * len(log.torques),
-              "%d of %d" % (log.answered, len(log.torques)))
+        check("a torque carries the number of the sample before it", log.answered >= 0.9 * log.answerable > 0,
+              "%d of %d" % (log.answered, log.answerable))
         check("the host decodes the same largest force", abs(report.get("peak_force_N", -1) - log.peak_N) <= 1e-6 * log.peak_N,
               (report, log.peak_N))  # the steps of the wire are single precision with us
         refused = subprocess.run([TROCAR, "run", "--bus", "slcan:%s/none" % place], stderr=subprocess.PIPE, text=True)

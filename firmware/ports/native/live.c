@@ -4,6 +4,9 @@
  * absolute time, and takes frames that came meanwhile afterwards. A frame that the bus has no room for is dropped at once and
  * counted by the loop: an old torque must not go out late.
  *
+ * Slow (native_options.slow above 1), for machines on which the bus has no millisecond to offer: a tick takes so many at
+ * least, and time stands still until its sample has come.
+ *
  * Following (native_options.follow), ticks begin with the SYNC of somebody else: the time is that of its ticks, LOOP_TICK_US
  * from one to the next, whatever the clock says, and a sample is waited for until then. So a recording
  * (SYNC, encoders, NMT) that is played into the bus at any speed gives the torques of the run it is of. */
@@ -16,31 +19,36 @@
 #include "loop.h"
 #include "wire.h"
 
-enum { LOOK_NS = 100000000 /* how often a wait without end looks whether it should stop */ };
+enum {
+    LOOK_US = 100000,     /* how often a wait without end looks whether it should stop */
+    PATIENCE_US = 1000000 /* slow: so long a sample is waited for */
+};
 
 static struct {
     struct native_options options;
     struct backend *backend;
     uint64_t start_ns;
     bool sampling;    /* SYNC was sent, the torque not yet */
+    bool sampled;     /* the sample has come: following, what is behind it in the queue came after the torque */
     bool have;        /* `next` was taken from the bus, and not yet by the loop */
     bool began;       /* following: the SYNC of this tick has been taken */
-    uint64_t tick_us; /* following: when this tick began */
+    uint64_t tick_us; /* following or slow: the time, that of this tick's begin */
+    uint64_t next_ns; /* slow: when the next tick may begin, by the clock */
     struct backend_received next;
     uint64_t ticks;
     struct lateness lateness;
 } live;
 
-static uint64_t period_ns(uint64_t us)
+static bool slow(void)
 {
-    return us * 1000 * live.options.slow;
+    return live.options.slow > 1;
 }
 
 static uint64_t time_us(void)
 {
-    if (live.options.follow)
+    if (live.options.follow || slow())
         return live.tick_us;
-    return (realtime_now_ns() - live.start_ns) / 1000 / live.options.slow;
+    return (realtime_now_ns() - live.start_ns) / 1000;
 }
 
 /* A frame into `next`, waiting so long for it. A bus that went down is said once; the loop goes on without frames. */
@@ -66,9 +74,12 @@ static bool is_sync(const struct can_frame_t *frame)
 
 static bool receive(struct can_frame_t *frame)
 {
+    if (live.options.follow && live.sampling && live.sampled)
+        return false;
     if (!fetch(0) || (live.options.follow && is_sync(&live.next.frame)))
         return false;
     *frame = live.next.frame;
+    live.sampled = frame->id == WIRE_ENCODERS_ID + (uint32_t)live.options.node;
     live.have = false;
     return true;
 }
@@ -78,6 +89,7 @@ static bool transmit(const struct can_frame_t *frame)
     struct failure why = {0};
     if (is_sync(frame)) {
         live.sampling = true;
+        live.sampled = false;
         live.ticks++;
         if (live.options.follow)
             return true; /* another's */
@@ -96,7 +108,7 @@ static bool transmit(const struct can_frame_t *frame)
 static uint64_t wait_for_sync(uint64_t until_us)
 {
     while (native_running()) {
-        if (!fetch(LOOK_NS / 1000))
+        if (!fetch(LOOK_US))
             continue;
         if (!is_sync(&live.next.frame))
             return live.tick_us;
@@ -114,23 +126,44 @@ static uint64_t wait_for_sync(uint64_t until_us)
     return until_us;
 }
 
+/* Until an absolute time of the clock; false when the controller should stop. */
+static bool sleep_until(uint64_t until_ns)
+{
+    const int64_t late_ns = realtime_sleep(until_ns);
+    if (late_ns >= 0)
+        lateness_add(&live.lateness, late_ns);
+    return native_running();
+}
+
+/* Slow: the time stands still until the sample is there. */
+static uint64_t wait_slowly(uint64_t until_us)
+{
+    if (live.sampling)
+        return fetch(PATIENCE_US) ? live.tick_us : until_us;
+    const uint64_t now_ns = realtime_now_ns();
+    live.next_ns += 1000000 * (uint64_t)live.options.slow;
+    if (now_ns > live.next_ns)
+        live.next_ns = now_ns;
+    else
+        sleep_until(live.next_ns);
+    live.tick_us = until_us;
+    return until_us;
+}
+
 static uint64_t wait_us(uint64_t until_us)
 {
     if (live.options.follow)
         return live.ticks ? wait_for_sync(until_us) : until_us; /* before the first tick: a refusal is let out */
-    const uint64_t until_ns = live.start_ns + period_ns(until_us);
+    if (slow())
+        return wait_slowly(until_us);
+    const uint64_t until_ns = live.start_ns + 1000 * until_us;
     if (live.sampling) {
         const uint64_t now_ns = realtime_now_ns();
         if (now_ns < until_ns)
             fetch((int64_t)((until_ns - now_ns) / 1000 + 1));
         return time_us();
     }
-    const int64_t late_ns = realtime_sleep(until_ns);
-    if (late_ns >= 0)
-        lateness_add(&live.lateness, late_ns);
-    else if (!native_running())
-        return until_us;
-    return time_us();
+    return sleep_until(until_ns) ? time_us() : until_us;
 }
 
 static struct can_errors errors(void)
@@ -157,7 +190,9 @@ int live_open(const struct native_options *options)
     }
     if (!options->follow)
         realtime_enter();
-    live.start_ns = realtime_now_ns();
+    fprintf(stderr, "controller: node %u is on %s%s\n", options->node, options->bus,
+            options->follow ? ", and follows its SYNC" : "");
+    live.start_ns = live.next_ns = realtime_now_ns();
     return 0;
 }
 

@@ -28,7 +28,7 @@ struct native_options {
     const char *bank, *bus; /* bus NULL: stdio */
     uint8_t node;
     bool follow;   /* SYNC comes from somebody else on the bus, a recording or another controller, and gives the time */
-    uint32_t slow; /* a tick takes so many milliseconds; 1: real time */
+    uint32_t slow; /* a tick takes so many milliseconds at least, and until its sample is there; 1: real time */
     uint64_t ticks; /* 0: until SIGINT or SIGTERM */
 };
 
