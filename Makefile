@@ -158,9 +158,12 @@ endef
 always:
 -include $(wildcard firmware/ports/*/port.mk)
 
+# Ports on which tests/rig/replay.t runs every effect.
+EMULATED := $(filter $(PORTS:$(B)/firmware/%/controller.elf=%),cortex_m7_an500 cortex_r5_zcu102)
 .PHONY: ports
-ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compiler is here, without effects
-	@$(MAKE) --no-print-directory image IMAGE=all PORT=native EFFECTS='$(call effect_field,\([a-z_]*\),\1)'
+ports: $(B)/libfirmware.a $(PORTS) ## the controller for each port whose compiler is here, without effects, and some with all
+	@for port in native $(EMULATED); do $(MAKE) --no-print-directory image IMAGE=all PORT=$$port \
+	  EFFECTS='$(call effect_field,\([a-z_]*\),\1)' || exit 1; done
 
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
 

@@ -3,7 +3,8 @@
 #include "can_timing.h"
 #include "registers.h"
 
-#define BIT(n) (1u << (n))
+#define BIT(n)      (1u << (n))
+#define FILTER_MASK (2u << 30) /* SFT: identifier and mask */
 
 enum {
     CCCR_INIT = BIT(0),
@@ -12,13 +13,10 @@ enum {
     PSR_BUS_OFF = BIT(7),                           /* BO */
     IR_LOST = BIT(3),                               /* RF0L: no room in the receive FIFO */
     GFC_REJECT = BIT(0) | BIT(1) | 2 << 2 | 2 << 4, /* remote frames, and what no filter names */
-    FILTER_MASK = 2 << 30,                          /* SFT: identifier and mask */
     FILTER_STORE = 1 << 27,                         /* SFEC: in receive FIFO 0 */
     ID_EXTENDED = BIT(30),                          /* XTD */
     ID_REMOTE = BIT(29),                            /* RTR */
-                                                    /* the dedicated buffers, as bits of TXBRP and its like */
-    MODE_READS =
-        1000, /* a change of mode passes from the bus's clock to the controller's: a few cycles of the slower */
+    MODE_READS = 1000, /* a mode passes from the bus clock to the controller: a few cycles of the slower */
     CANCEL_READS = 100
 };
 
@@ -58,8 +56,7 @@ static void configure(struct fdcan *c, const struct fdcan_settings *s, const str
     uint32_t transmit = begin + (uint32_t)offsetof(struct fdcan_memory, transmit);
     clear_memory(c->memory);
     for (uint32_t i = 0; i < s->filters; i++) /* bound: FDCAN_FILTERS */
-        register_write(&c->memory->filter[i],
-                       (uint32_t)FILTER_MASK | FILTER_STORE | s->filter[i].id << 16 | s->filter[i].mask);
+        register_write(&c->memory->filter[i], FILTER_MASK | FILTER_STORE | s->filter[i].id << 16 | s->filter[i].mask);
     register_write(&r->bit_timing,
                    (t->jump - 1) << 25 | (t->prescaler - 1) << 16 | (t->before - 1) << 8 | (t->after - 1));
     register_write(&r->interrupt_enable, 0);

@@ -13,6 +13,7 @@ import subprocess
 
 BUILD = pathlib.Path(os.environ.get("B", "build"))
 NATIVE = BUILD / "firmware/native/controller.elf"
+NATIVE_WITH_EFFECTS = BUILD / "firmware/native/all/controller.elf"
 RECORDER = BUILD / "tests/rig/recorder"
 TROCAR = BUILD / "trocar"
 RECORD = struct.Struct("<IBBH8s")  # lockstep.h
@@ -45,6 +46,12 @@ class Image:
     def missing(self):
         """Why it cannot run here; None when it can."""
         return lacking(self.compiler + self.emulator)
+
+    def with_effects(self):
+        """The same with every effect (make ports)."""
+        other = type(self)()
+        other.image = self.build / "all/controller.elf"
+        return other
 
     def objects(self, suffix):
         """Files that the compiler wrote for the sources that there are; older ones may lie beside them."""
@@ -114,10 +121,10 @@ PORTS = [CortexM7(), CortexR5()]  # that an emulator can run
 COMPILED = [Stm32h743()]          # that are built and measured only
 
 
-def native(bank, answers, out):
+def native(bank, answers, out, image=NATIVE):
     """The same objects as a process of this machine."""
     with open(answers, "rb") as source, open(out, "wb") as target:
-        return subprocess.run([NATIVE, bank], stdin=source, stdout=target, stderr=subprocess.PIPE, timeout=SECONDS)
+        return subprocess.run([image, bank], stdin=source, stdout=target, stderr=subprocess.PIPE, timeout=SECONDS)
 
 
 def record(bank, gesture, answers, ticks, *options):

@@ -5,12 +5,14 @@
 A gesture over the demo's organ with presses, slides there and back, pokes and contact lost and regained, 2 % of the encoder
 frames dropped, is recorded from a simulated run, then answered by the simulation's controller, by the native port and by each
 emulated board. The Cortex-R5F gets and sends its frames by its CAN controller. TROCAR_LONG=1: 60 thousand ticks.
+The same, shorter, for images with every effect, on a scene that names them.
 """
 
 import csv
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -28,8 +30,11 @@ REPORTS = {  # what a fault's report must say
     "cortex_r5_zcu102": {"c": "data abort pc=", "b": "data abort pc=.*dfar=10000000", "x": "prefetch abort pc=.*ifar=00400000",
                          "s": "data abort stack=overflow", "p": "data abort pc=.*dfar=40004000"},
 }
+# A scene with effects, tests/unit/effects.t says that each makes a difference. A new one joins here.
+EFFECTS = "effects: {friction: {mu: 0.3}}"
+EFFECTS_GESTURE = "approach 0.3 s\npress 15 mm in 0.4 s\nslide 15 mm 10 mm in 0.4 s\nslide -25 mm 0 mm in 0.5 s\npoke 10 mm in 0.2 s\n"
 STACK_MOST = 4096
-CHECKS = 7 + len(FAULTS)  # of each port
+CHECKS = 9 + len(FAULTS)  # of each port
 count = 0
 failed = False
 
@@ -45,24 +50,43 @@ def result(good, claim, note="", skip=None):
 
 
 class Recording:
-    def __init__(self, place):
+    """A simulated run: the bank, what the controller hears, and the torques of the run."""
+
+    def __init__(self, place, scene, gesture, options):
         self.place = place
-        self.bank, self.answers, self.log, self.here = (place / name for name in ("demo.bank", "answers", "torques", "native"))
+        self.bank, self.answers, self.log, self.here = (
+            place / (name + scene.stem) for name in ("bank.", "answers.", "torques.", "native."))
         ticks = place / "ticks.csv"
-        emulated.build_bank(self.bank, "host/scenes/demo/demo.yaml")
-        gesture, options = "tour", ["--drop", 0.02, "--torques", self.log]
+        emulated.build_bank(self.bank, scene)
+        emulated.record(self.bank, gesture, self.answers, ticks, "--drop", 0.02, "--torques", self.log, *options)
+        self.rows = list(csv.DictReader(ticks.open()))
+
+
+class DemoRecording(Recording):
+    def __init__(self, place):
+        gesture, options = "tour", []
         if LONG:
             gesture = place / "long.gesture"
             text = subprocess.run([emulated.TROCAR, "run", "--print-gesture", "tour"], check=True, capture_output=True, text=True)
             gesture.write_text(text.stdout + "repeat 100\n")
             options += ["--ticks", LONG_TICKS]
-        emulated.record(self.bank, gesture, self.answers, ticks, *options)
-        self.rows = list(csv.DictReader(ticks.open()))
+        super().__init__(place, pathlib.Path("host/scenes/demo/demo.yaml"), gesture, options)
         self.touching = [int(row["contacts"]) > 0 for row in self.rows]
         self.damaged = place / "damaged.bank"
         damaged = bytearray(self.bank.read_bytes())
         damaged[len(damaged) // 2] ^= 16
         self.damaged.write_bytes(damaged)
+
+
+class EffectsRecording(Recording):
+    def __init__(self, place):
+        scene = place / "effects.yaml"
+        shutil.copy("host/scenes/demo/liver.geo", place)
+        text = pathlib.Path("host/scenes/demo/demo.yaml").read_text()
+        scene.write_text(re.sub(r"^effects: .*$", EFFECTS, text, flags=re.MULTILINE))
+        gesture = place / "effects.gesture"
+        gesture.write_text(EFFECTS_GESTURE)
+        super().__init__(place, scene, gesture, [])
 
 
 def check_native(r):
@@ -116,6 +140,19 @@ def replay(port, r, plugin):
            port.title + ": a damaged bank is refused with the same emergency frame", process.stderr)
 
 
+def replay_effects(port, r, plugin):
+    """Every effect gives the same torques too."""
+    there = r.place / "effects.there"
+    instructions, said = emulated.count_ticks(port.with_effects(), plugin, r.bank, r.answers, there, r.place / "ticks",
+                                              "node_finish_tick", "node_transmit")
+    print("# %s with effects: %d ticks, %d instructions in the worst; %s" % (port.title, len(r.rows), max(instructions),
+                                                                           said.strip()))
+    result(there.read_bytes() == r.here.read_bytes(), port.title + ": with effects all frames are the native port's too")
+    process = port.emulate([r.answers, there], r.bank)
+    result(process.returncode == 6 and len(emulated.frames(there, emulated.EMERGENCY)) == 1,
+           port.title + ": an image without the effects refuses that bank", process.stderr)
+
+
 def faults(port, place):
     """The port's start-up code under a program that does what it must not."""
     image = place / "faults.elf"
@@ -123,7 +160,8 @@ def faults(port, place):
     subprocess.run(["arm-none-eabi-gcc", *port.flags, "-std=c11", "-O1", "-Wall", "-Werror", "-ffreestanding", "-nostdlib",
                     "-static", "-T", port.source / port.script, "-Ifirmware", "tests/rig/faults.c", *objects, "-o", image],
                    check=True)
-    answers, out = place / "answers", place / "out"
+    answers, out = place / "nothing", place / "out"
+    answers.touch()
     allowed = port.emulate([answers, out, "-"], image=image)
     for letter, what in FAULTS:
         process = port.emulate([answers, out, letter], image=image)
@@ -134,11 +172,16 @@ def faults(port, place):
 
 
 def main():
-    print("1..%d" % (2 + CHECKS * len(emulated.PORTS)))
+    print("1..%d" % (3 + CHECKS * len(emulated.PORTS)))
     with tempfile.TemporaryDirectory(prefix="trocar-replay-") as place:
         place = pathlib.Path(place)
-        recording = Recording(place)
+        recording = DemoRecording(place)
         check_native(recording)
+        effects = EffectsRecording(place)
+        process = emulated.native(effects.bank, effects.answers, effects.here, emulated.NATIVE_WITH_EFFECTS)
+        result(process.returncode == 0 and emulated.frames(effects.here, emulated.TORQUES)[:len(effects.rows)]
+               == emulated.logged(effects.log, emulated.TORQUES),
+               "the native port with effects answers their recording with the torques of the run", process.stderr)
         plugin = emulated.build_plugin(place)
         for port in emulated.PORTS:
             why = port.missing()
@@ -147,6 +190,7 @@ def main():
                     result(False, port.title, skip=why)
                 continue
             replay(port, recording, plugin)
+            replay_effects(port, effects, plugin)
             faults(port, place)
     return 1 if failed else 0
 
