@@ -209,6 +209,10 @@ format: | test-packages ## lay out the C files
 budgets: all $(B)/tests/rig/recorder | test-packages ## flash, memory, stack and instructions per tick on each port
 	@B=$(B) tests/rig/budgets.t --table
 
+.PHONY: jitter
+jitter: all $(B)/tests/rig/socketcan_probe | test-packages ## how late this machine begins ticks, over a minute, beside its own limits
+	@B=$(B) tests/rig/jitter.py
+
 .PHONY: fresh
 fresh: ## both commands from a clean clone in a bare Debian 12 root (as root, network, many minutes)
 	@tests/rig/fresh.sh . sh -c 'make demo && make test'

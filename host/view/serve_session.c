@@ -25,3 +25,27 @@ bool serve_session(struct session *session, struct view *view)
         session_command(session, NMT_STOP);
     return !input.quit;
 }
+
+/* Where the tip is, in the trocar's frame: the page shows a hand that is where the instrument is. */
+static void tip_in_trocar(const struct bank_tool *tool, const double tip_m[3], double out[3])
+{
+    for (int i = 0; i < 3; i++) {
+        out[i] = 0;
+        for (int j = 0; j < 3; j++)
+            out[i] += (double)tool->rotation[3 * j + i] * (tip_m[j] - (double)tool->trocar_m[j]);
+    }
+}
+
+int serve_remote(struct remote *remote, const struct bank_file *bank, struct view *view, struct failure *why)
+{
+    double target_m[3];
+    struct view_input input;
+    tip_in_trocar(&bank->view.tools[0], remote->link.tip_m, target_m);
+    view_update(view, &remote->link, 1e-3 * (double)remote->ticks, target_m);
+    view_serve(view, 0);
+    view_input(view, &input);
+    int status = input.acknowledge ? remote_command(remote, NMT_START, why) : STATUS_OK;
+    if (!status && input.stop)
+        status = remote_command(remote, NMT_STOP, why);
+    return status < 0 ? status : !input.quit;
+}
