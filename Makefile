@@ -213,6 +213,10 @@ budgets: all $(B)/tests/rig/recorder | test-packages ## flash, memory, stack and
 jitter: all $(B)/tests/rig/socketcan_probe | test-packages ## how late this machine begins ticks, over a minute, beside its own limits
 	@B=$(B) tests/rig/jitter.py
 
+.PHONY: effects
+effects: all $(B)/tests/rig/recorder | test-packages ## what each effect costs and changes: flash, memory, bank, instructions per tick
+	@B=$(B) tests/rig/effects.py
+
 .PHONY: fresh
 fresh: ## both commands from a clean clone in a bare Debian 12 root (as root, network, many minutes)
 	@tests/rig/fresh.sh . sh -c 'make demo && make test'

@@ -46,7 +46,7 @@ static const struct bank_fixture_options bank_fixture_default = {.subdivisions =
                                                                  .instruments = 1,
                                                                  .tip_points = 7,
                                                                  .tip_radius_m = 0.005,
-                                                                 .friction_sweeps = 20};
+                                                                 .friction_sweeps = 10};
 
 struct fixture_surface {
     unsigned vertices, triangles;

@@ -7,62 +7,91 @@ static uint32_t place(uint32_t high, uint32_t low)
     return high * (high + 1) / 2 + low;
 }
 
-/* out += w G or w G^t */
-static inline void add_block(float out[9], float w, const float *G, bool turned)
+/* Nine sums that stay in registers. */
+struct block {
+    float e[9];
+};
+
+static inline struct block plus(struct block s, float w, const float *G, bool turned)
 {
-    if (turned)
-        for (int a = 0; a < 3; a++)     /* bound: 3 */
-            for (int b = 0; b < 3; b++) /* bound: 3 */
-                out[3 * a + b] += w * G[3 * b + a];
-    else
-        for (int e = 0; e < 9; e++) /* bound: 9 */
-            out[e] += w * G[e];
+    if (turned) {
+        s.e[0] += w * G[0], s.e[1] += w * G[3], s.e[2] += w * G[6];
+        s.e[3] += w * G[1], s.e[4] += w * G[4], s.e[5] += w * G[7];
+        s.e[6] += w * G[2], s.e[7] += w * G[5], s.e[8] += w * G[8];
+    } else {
+        s.e[0] += w * G[0], s.e[1] += w * G[1], s.e[2] += w * G[2];
+        s.e[3] += w * G[3], s.e[4] += w * G[4], s.e[5] += w * G[5];
+        s.e[6] += w * G[6], s.e[7] += w * G[7], s.e[8] += w * G[8];
+    }
+    return s;
 }
 
-/* Response of each corner of a contact's triangle to a force at another contact. */
-static void corner_response(const struct row_cache *g, const struct bank_view *bank, const struct contact *at,
-                            const struct contact *from, float corner[3][9])
+/* The vertices of the contacts, each once, and a contact's shares of them. Points of one tool lie on few triangles, so there are
+ * far fewer vertices than corners. */
+struct corners {
+    uint32_t count;
+    struct {
+        const struct contact *contact; /* one that has the vertex, and which of its corners it is */
+        int corner;
+        uint16_t vertex;
+    } at[CONE_CORNERS];
+    uint8_t of[CONTACT_MAX][3]; /* per contact and corner: place in `at`; where its share is 0, any */
+    float share[CONTACT_MAX][3];
+};
+
+static void add_corners(struct corners *k, const struct bank_view *bank, const struct contact *contact, uint32_t c)
 {
-    float share_at[3], share_from[3], room[9];
-    contact_shares(bank, at, share_at);
-    contact_shares(bank, from, share_from);
-    const uint16_t *vertex = bank->triangles[at->triangle].vertex;
-    for (int i = 0; i < 3; i++) {   /* bound: 3 */
-        for (int e = 0; e < 9; e++) /* bound: 9 */
-            corner[i][e] = 0.0f;
-        if (bank->row_of[vertex[i]] == BANK_NONE)
+    const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
+    contact_shares(bank, contact, k->share[c]);
+    for (int i = 0; i < 3; i++) { /* bound: 3 */
+        k->of[c][i] = 0;
+        if (k->share[c][i] == 0.0f)
             continue;
-        for (int j = 0; j < 3; j++) { /* bound: 3 */
-            if (share_from[j] == 0.0f)
-                continue;
-            bool turned;
-            const float *G = contact_block(g, bank, at, i, from, j, room, &turned);
-            add_block(corner[i], share_from[j], G, turned);
+        uint32_t at = 0;
+        while (at < k->count && k->at[at].vertex != vertex[i]) /* bound: CONE_CORNERS */
+            at++;
+        if (at == k->count) {
+            k->at[at].contact = contact;
+            k->at[at].corner = i;
+            k->at[at].vertex = vertex[i];
+            k->count++;
         }
+        k->of[c][i] = (uint8_t)at;
     }
 }
 
+/* Each pair of a vertex and a contact is summed once, over the contact's corners; the vertices of contacts d .. m-1 are the first
+ * of `corners` when contact d's turn comes. */
 void cone_assemble(struct cone_system *s, const struct contact_set *set, const struct row_cache *g,
                    const struct bank_view *bank)
 {
     const float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
+    struct corners k = {.count = 0};
+    struct block response[CONE_CORNERS];
     s->count = set->count;
-    for (uint32_t d = 0; d < set->count; d++) { /* bound: CONTACT_MAX */
-        uint32_t triangle = bank->triangle_count;
-        float corner[3][9];
+    for (uint32_t d = set->count; d-- > 0;) { /* bound: CONTACT_MAX */
+        const struct contact *from = &set->contact[d];
+        add_corners(&k, bank, from, d);
+        for (uint32_t v = 0; v < k.count; v++) { /* bound: CONE_CORNERS */
+            struct block sum = {{0.0f}};
+            for (int j = 0; j < 3; j++) { /* bound: 3 */
+                float room[9];
+                bool turned;
+                if (k.share[d][j] == 0.0f)
+                    continue;
+                const float *G = contact_block(g, bank, k.at[v].contact, k.at[v].corner, from, j, room, &turned);
+                sum = plus(sum, k.share[d][j], G, turned);
+            }
+            response[v] = sum;
+        }
         for (uint32_t c = d; c < set->count; c++) { /* bound: CONTACT_MAX */
-            const struct contact *at = &set->contact[c];
-            float share[3], *block = s->block[place(c, d)];
-            if (at->triangle != triangle) /* points of one tool often share a triangle with the one before */
-                corner_response(g, bank, at, &set->contact[d], corner);
-            triangle = at->triangle;
-            contact_shares(bank, at, share);
-            for (int e = 0; e < 9; e++) /* bound: 9 */
-                block[e] = share[0] * corner[0][e] + share[1] * corner[1][e] + share[2] * corner[2][e];
             float diagonal = softness + (c == d ? bank->contact->regularisation_m_N : 0.0f);
-            block[0] += diagonal;
-            block[4] += diagonal;
-            block[8] += diagonal;
+            struct block sum = {{diagonal, 0.0f, 0.0f, 0.0f, diagonal, 0.0f, 0.0f, 0.0f, diagonal}};
+            for (int i = 0; i < 3; i++) /* bound: 3 */
+                if (k.share[c][i] != 0.0f)
+                    sum = plus(sum, k.share[c][i], response[k.of[c][i]].e, false);
+            for (int e = 0; e < 9; e++) /* bound: 9 */
+                s->block[place(c, d)][e] = sum.e[e];
         }
     }
 }
@@ -173,25 +202,28 @@ static void solve_one(struct cone_contact *c, const float q[3], float f[3])
     slide(c, q, f);
 }
 
-/* Sum over the other contacts' forces that are not zero. */
-static void respond(const struct cone_system *s, uint32_t c, float out[3])
+/* What the others leave of a contact's displacement; open ones have no force. */
+static void remainder_of(const struct cone_system *s, uint32_t c, float out[3])
 {
-    float x = 0.0f, y = 0.0f, z = 0.0f;
-    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
-        const float *f = s->contact[d].force_N;
-        if (d == c || s->contact[d].state == CONE_OPEN)
+    const struct cone_contact *k = &s->contact[c];
+    float x = k->wanted_m[0], y = k->wanted_m[1], z = k->wanted_m[2];
+    const float *A = s->block[place(c, 0)];
+    for (uint32_t d = 0; d < c; d++, A += 9) { /* bound: CONTACT_MAX */
+        if (s->contact[d].state == CONE_OPEN)
             continue;
-        if (d < c) {
-            const float *A = s->block[place(c, d)];
-            x += real_dot(&A[0], f);
-            y += real_dot(&A[3], f);
-            z += real_dot(&A[6], f);
-        } else {
-            const float *A = s->block[place(d, c)];
-            x += A[0] * f[0] + A[3] * f[1] + A[6] * f[2];
-            y += A[1] * f[0] + A[4] * f[1] + A[7] * f[2];
-            z += A[2] * f[0] + A[5] * f[1] + A[8] * f[2];
-        }
+        const float *f = s->contact[d].force_N;
+        x -= A[0] * f[0] + A[1] * f[1] + A[2] * f[2];
+        y -= A[3] * f[0] + A[4] * f[1] + A[5] * f[2];
+        z -= A[6] * f[0] + A[7] * f[1] + A[8] * f[2];
+    }
+    for (uint32_t d = c + 1; d < s->count; d++) { /* bound: CONTACT_MAX */
+        A += 9 * d;                               /* from (d - 1, c) to (d, c) */
+        if (s->contact[d].state == CONE_OPEN)
+            continue;
+        const float *f = s->contact[d].force_N;
+        x -= A[0] * f[0] + A[3] * f[1] + A[6] * f[2];
+        y -= A[1] * f[0] + A[4] * f[1] + A[7] * f[2];
+        z -= A[2] * f[0] + A[5] * f[1] + A[8] * f[2];
     }
     out[0] = x;
     out[1] = y;
@@ -211,8 +243,7 @@ bool cone_solve(struct cone_system *s, uint32_t sweeps)
         for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
             struct cone_contact *k = &s->contact[c];
             float left[3], q[3], f[3];
-            respond(s, c, left);
-            real_subtract(k->wanted_m, left, left);
+            remainder_of(s, c, left);
             for (int a = 0; a < 3; a++) /* bound: 3 */
                 q[a] = real_dot(k->frame[a], left);
             solve_one(k, q, f);

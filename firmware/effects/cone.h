@@ -27,6 +27,7 @@
 
 enum {
     CONE_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,
+    CONE_CORNERS = 3 * CONTACT_MAX,
     CONE_SLIDE_STEPS = 8 /* of the secular equation; three are typical, one when warm */
 };
 

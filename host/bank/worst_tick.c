@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+#include "effects/cone.h"
 #include "row_cache.h"
 
 /* One factorisation of an m x m system, its two substitutions and the look for the next contact (firmware/contact.c): seven
@@ -11,21 +12,36 @@ static double solver_step(double m)
     return 7 * m * m * m / 6 + 22 * m * m + 40 * m;
 }
 
-double worst_tick(const struct bank_contact *contact, unsigned points, uint32_t max_blocks)
+/* One sweep: nine products and sums for each other contact, and the local problem, which may take all its steps. */
+static double sweep(double m)
+{
+    return 36 * m * (m - 1) + (150 + 70 * CONE_SLIDE_STEPS) * m;
+}
+
+/* Beside the sweeps: anchors that slide or are measured, the local problems' matrices, what is remembered. */
+#define FRICTION_POINT 1800.0
+
+unsigned worst_tick_sweeps(const struct scene *scene)
+{
+    return scene->effects.named & EFFECT_FRICTION ? scene->effects.friction.sweeps : 0;
+}
+
+double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks)
 {
     double m = points, steps = contact->solver_steps ? contact->solver_steps : BANK_MAX_SOLVER_STEPS;
     double work = contact->row_work ? (double)contact->row_work * BANK_ROW_WORK_UNIT : ROW_CACHE_WORK;
     double portion = ROW_CACHE_PORTION * (ROW_CACHE_COLUMN_WORK + ROW_CACHE_BLOCK_WORK);
     double overshoot = fmax(portion, (double)max_blocks * ROW_CACHE_DOT_WORK);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
-    return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + steps * solver_step(m) +
+    double solver = sweeps ? FRICTION_POINT * m + sweeps * sweep(m) : steps * solver_step(m);
+    return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);
 }
 
-bool worst_tick_fit(struct bank_contact *contact, unsigned points, uint32_t max_blocks, double limit)
+bool worst_tick_fit(struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks, double limit)
 {
     contact->row_work = 0;
-    double over = worst_tick(contact, points, max_blocks) - limit;
+    double over = worst_tick(contact, sweeps, points, max_blocks) - limit;
     if (limit == 0 || over <= 0)
         return true;
     if (max_blocks == 0)

@@ -6,6 +6,7 @@
  *   + points     WORST_TICK_POINT              collision: swept and slid along the surface
  *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
  *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
+ *     or, with friction, sweeps (m^2, m)       round the contacts, each seeing all others (firmware/effects/cone.c)
  *   + (row work + overshoot) WORST_TICK_WORK   rows of the factor: the tick's share (CONT row_work) and the portion and
  *                                              product that may pass it; none with a plain bank
  *
@@ -27,12 +28,16 @@
 #define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
 #define WORST_TICK_WORK       2.5    /* instructions per unit of row work (firmware/row_cache.h) */
 
-/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */
-double worst_tick(const struct bank_contact *contact, unsigned points, uint32_t max_blocks);
+/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank; `sweeps`: of friction's
+ * solver, 0 without friction. */
+double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks);
 
 /* The largest row_work with which the worst tick keeps `limit` (0, the image's own bound, when that does; or when limit is
  * 0). False when not even the smallest does: then row_work is 1, and worst_tick says what it takes. */
-bool worst_tick_fit(struct bank_contact *contact, unsigned points, uint32_t max_blocks, double limit);
+bool worst_tick_fit(struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks, double limit);
+
+/* Of the scene: 0 unless it names friction. */
+unsigned worst_tick_sweeps(const struct scene *scene);
 
 /* Points of the scene's instrument with the most. */
 unsigned worst_tick_points(const struct scene *scene);

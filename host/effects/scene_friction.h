@@ -1,4 +1,4 @@
-/* `effects: {friction: {mu: 0.2, sweeps: 20}}`: Coulomb friction between instruments and tissue (shared/effects/friction.md). */
+/* `effects: {friction: {mu: 0.2, sweeps: 10}}`: Coulomb friction between instruments and tissue (shared/effects/friction.md). */
 #ifndef TROCAR_SCENE_FRICTION_H
 #define TROCAR_SCENE_FRICTION_H
 
@@ -10,7 +10,7 @@ struct failure;
 struct scene;
 struct tree;
 
-#define SCENE_DEFAULT_SWEEPS 20
+#define SCENE_DEFAULT_SWEEPS 10
 
 struct scene_friction {
     double mu;       /* above 0, to BANK_MAX_FRICTION */
