@@ -20,14 +20,16 @@ int mirror_open(struct mirror *mirror, const struct bank_view *bank, uint32_t in
                 struct failure *why)
 {
     *mirror = (struct mirror){.bank = bank, .instrument = instrument, .row_bytes = row_cache_memory(bank)};
+    mirror->before = malloc(sizeof *mirror);
     if (mirror->row_bytes) {
         mirror->rows = malloc(mirror->row_bytes);
         mirror->saved_rows = malloc(mirror->row_bytes);
-        if (!mirror->rows || !mirror->saved_rows) {
-            mirror_close(mirror);
-            return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the controller's rows (%zu bytes)",
-                               2 * mirror->row_bytes);
-        }
+        mirror->before_rows = malloc(mirror->row_bytes);
+    }
+    if (!mirror->before || (mirror->row_bytes && (!mirror->rows || !mirror->saved_rows || !mirror->before_rows))) {
+        mirror_close(mirror);
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for a controller and its rows (%zu bytes)",
+                           sizeof *mirror + 3 * mirror->row_bytes);
     }
     int status = node_start(&mirror->node, bank, instrument, node_id, mirror->rows, mirror->row_bytes);
     if (status) {
@@ -41,7 +43,10 @@ void mirror_close(struct mirror *mirror)
 {
     free(mirror->rows);
     free(mirror->saved_rows);
-    mirror->rows = mirror->saved_rows = NULL;
+    free(mirror->before_rows);
+    free(mirror->before);
+    mirror->rows = mirror->saved_rows = mirror->before_rows = NULL;
+    mirror->before = NULL;
 }
 
 static void save(struct mirror *mirror)
@@ -56,6 +61,21 @@ static void restore(struct mirror *mirror)
     mirror->node = mirror->saved;
     if (mirror->row_bytes)
         memcpy(mirror->rows, mirror->saved_rows, mirror->row_bytes);
+}
+
+/* The same for the whole mirror. */
+static void keep(struct mirror *mirror)
+{
+    memcpy(mirror->before, mirror, sizeof *mirror);
+    if (mirror->row_bytes)
+        memcpy(mirror->before_rows, mirror->rows, mirror->row_bytes);
+}
+
+static void turn_back(struct mirror *mirror)
+{
+    memcpy(mirror, mirror->before, sizeof *mirror);
+    if (mirror->row_bytes)
+        memcpy(mirror->rows, mirror->before_rows, mirror->row_bytes);
 }
 
 static void begin(struct mirror *mirror)
@@ -180,30 +200,42 @@ static void receive_sync(struct mirror *mirror, const struct can_frame_t *frame,
     begin(mirror);
 }
 
-/* No SYNC came when the next tick began: it was lost, and so was the torque frame of the tick that is open. */
-static void pass_tick(struct mirror *mirror, uint64_t time_us)
+/* Samples that wait; *answered: the sequence is one of theirs. */
+static size_t samples_waiting(const struct mirror *mirror, uint8_t sequence, bool *answered)
 {
-    if (mirror->open && mirror->any_sync && time_us - mirror->sync_us > LOOP_TICK_US + LATEST_US) {
-        mirror_finish(mirror);
-        mirror->sync_us += LOOP_TICK_US;
+    struct wire_encoders sample;
+    size_t count = 0;
+    *answered = false;
+    for (size_t i = 0; i < mirror->pending_count; i++) {
+        if (mirror->pending[i].id == WIRE_NMT_ID ||
+            !wire_encoders_unpack(&sample, mirror->pending[i].data, mirror->pending[i].length))
+            continue;
+        *answered |= sample.sequence == sequence;
+        count++;
     }
+    return count;
+}
+
+/* Has the tick that is open been open for longer than one lasts? */
+static bool overdue(const struct mirror *mirror, uint64_t time_us)
+{
+    return mirror->open && mirror->any_sync && time_us - mirror->sync_us > LOOP_TICK_US + LATEST_US;
+}
+
+/* No SYNC came when the next tick began: it was lost, and so was the torque frame of the tick that is open. */
+static void pass_tick(struct mirror *mirror)
+{
+    mirror_finish(mirror);
+    mirror->sync_us += LOOP_TICK_US;
 }
 
 /* Is this a torque frame of a tick that has passed without one? It is when it answers none of the samples that wait although
  * there are some, or comes sooner after SYNC than a tick without a sample computes. */
 static bool passed(struct mirror *mirror, const struct can_frame_t *frame, uint8_t sequence, uint64_t time_us)
 {
-    struct wire_encoders sample;
-    bool samples = false;
-    for (size_t i = 0; i < mirror->pending_count; i++) {
-        if (mirror->pending[i].id == WIRE_NMT_ID ||
-            !wire_encoders_unpack(&sample, mirror->pending[i].data, mirror->pending[i].length))
-            continue;
-        if (sample.sequence == sequence)
-            return false;
-        samples = true;
-    }
-    if (mirror->open && !samples && time_us - mirror->sync_us >= SOONEST_US)
+    bool answered;
+    const size_t samples = samples_waiting(mirror, sequence, &answered);
+    if (answered || (mirror->open && samples == 0 && time_us - mirror->sync_us >= SOONEST_US))
         return false;
     for (uint64_t back = 1; back <= MIRROR_PAST && back <= mirror->ticks; back++) {
         const uint64_t place = (mirror->ticks - back) % MIRROR_PAST;
@@ -235,12 +267,23 @@ static enum mirror_verdict receive_torques(struct mirror *mirror, const struct c
         begin(mirror);
     }
     mirror->torques_us = time_us;
-    if (end(mirror, frame)) {
-        mirror->agreed++;
-        return MIRROR_AGREES;
+    bool agrees;
+    if (overdue(mirror, time_us)) {
+        /* of this tick, by a machine that stamps late? or of the next, whose SYNC was lost? */
+        keep(mirror);
+        agrees = end(mirror, frame);
+        if (!agrees) {
+            turn_back(mirror);
+            pass_tick(mirror);
+            begin(mirror);
+            agrees = end(mirror, frame);
+        }
+    } else {
+        agrees = end(mirror, frame);
     }
-    mirror->differed++;
-    return MIRROR_DIFFERS;
+    mirror->agreed += agrees;
+    mirror->differed += !agrees;
+    return agrees ? MIRROR_AGREES : MIRROR_DIFFERS;
 }
 
 static void pend(struct mirror *mirror, const struct can_frame_t *frame, uint64_t time_us)
@@ -290,8 +333,9 @@ enum mirror_verdict mirror_receive(struct mirror *mirror, const struct can_frame
     const uint32_t node = mirror->node.node_id;
     if (frame->flags & (CAN_FLAG_EXTENDED | CAN_FLAG_RTR | CAN_FLAG_ERROR))
         return MIRROR_NOTHING;
-    if (frame->id != WIRE_SYNC_ID)
-        pass_tick(mirror, time_us);
+    bool answered;
+    if (frame->id == WIRE_ENCODERS_ID + node && overdue(mirror, time_us) && samples_waiting(mirror, 0, &answered) > 0)
+        pass_tick(mirror); /* a second sample */
     if (frame->id == WIRE_SYNC_ID)
         receive_sync(mirror, frame, time_us);
     else if (frame->id == WIRE_TORQUES_ID + node)

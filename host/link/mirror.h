@@ -54,8 +54,9 @@ struct mirror {
     size_t pending_count, row_bytes;
     struct can_frame_t pending[MIRROR_PENDING];
     uint64_t pending_us[MIRROR_PENDING];
-    unsigned char *rows, *saved_rows;
+    unsigned char *rows, *saved_rows, *before_rows;
     struct node saved;
+    struct mirror *before; /* a copy to turn back to */
 };
 
 /* A controller that starts, for instrument `instrument` of the bank, which must outlive it. STATUS_MEMORY, or what node_start

@@ -1,12 +1,18 @@
 /* A recording of a whole gesture through a controller in this process, and through one on a bus in the place of its device. */
 #include "loop_fixture.h"
 
+#include "random.h"
 #include "replay_bus.h"
+
+static bool busy; /* the machine that stamps was away now and then */
 
 static void write_frame(void *context, const struct can_frame_t *frame, uint64_t time_us)
 {
     struct failure why = {0};
-    assert_int_equal(candump_write(context, "soft", frame, time_us, &why), STATUS_OK);
+    static uint64_t away_us;
+    if (busy && random_below(50) == 0)
+        away_us += random_below(40000);
+    assert_int_equal(candump_write(context, "soft", frame, busy ? time_us + away_us : time_us, &why), STATUS_OK);
 }
 
 /* The log of a gesture in a temporary file; `l` keeps the bank. */
@@ -38,6 +44,14 @@ static void in_this_process_every_torque_frame_is_the_same(void **state)
     assert_true(fabs(result.peak_force_N - l.result.peak_force_N) < 1e-6);
     fclose(log);
     loop_end(&l);
+}
+
+static void stamps_of_a_busy_machine_do_no_harm(void **state)
+{
+    random_seed("stamps", 31);
+    busy = true;
+    in_this_process_every_torque_frame_is_the_same(state);
+    busy = false;
 }
 
 static void ignore(void *context, const struct can_frame_t *frame, uint64_t time_us)
@@ -123,6 +137,7 @@ int main(void)
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(in_this_process_every_torque_frame_is_the_same),
+        cmocka_unit_test(stamps_of_a_busy_machine_do_no_harm),
         cmocka_unit_test(on_a_bus_in_the_place_of_the_device_every_torque_frame_is_the_same),
         cmocka_unit_test(on_a_bus_another_bank_is_found_out),
     };
