@@ -18,6 +18,7 @@ RECORDER = BUILD / "tests/rig/recorder"
 TROCAR = BUILD / "trocar"
 RECORD = struct.Struct("<IBBH8s")  # lockstep.h
 FRAME, TIME = 0, 1
+QUIET = dict(os.environ, QEMU_AUDIO_DRV="none")
 TORQUES, EMERGENCY = 0x201, 0x081
 SECONDS = 500  # of a run of an emulator, after which it is taken to hang
 
@@ -60,8 +61,8 @@ class Image:
             if source.with_suffix(".c").exists() or source.with_suffix(".S").exists():
                 yield path
 
-    def emulate(self, arguments, bank=None, image=None, plugin=None):
-        """Run an image; the command line's arguments are file names without commas and spaces. Returns the finished process."""
+    def command(self, arguments, bank=None, image=None, plugin=None):
+        """What runs an image; the command line's arguments are file names without commas and spaces."""
         semihosting = "enable=on,target=native" + "".join(",arg=%s" % word for word in arguments)
         command = self.machine(image or self.image) + ["-display", "none", "-monitor", "none", "-serial", "none",
                                                        "-semihosting-config", semihosting]
@@ -71,8 +72,12 @@ class Image:
                                                                          os.path.getsize(bank))]
         if plugin:
             command += ["-plugin", plugin]
-        process = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=SECONDS,
-                                 env=dict(os.environ, QEMU_AUDIO_DRV="none"))
+        return command
+
+    def emulate(self, *what, **more):
+        """Run it. Returns the finished process."""
+        process = subprocess.run(self.command(*what, **more), stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                                 timeout=SECONDS, env=QUIET)
         process.stderr = "".join(line for line in process.stderr.splitlines(True) if not line.startswith("qemu-system-"))
         return process
 

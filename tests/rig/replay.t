@@ -13,6 +13,7 @@ import os
 import pathlib
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -34,7 +35,8 @@ REPORTS = {  # what a fault's report must say
 EFFECTS = "effects: {friction: {mu: 0.3}}"
 EFFECTS_GESTURE = "approach 0.3 s\npress 15 mm in 0.4 s\nslide 15 mm 10 mm in 0.4 s\nslide -25 mm 0 mm in 0.5 s\npoke 10 mm in 0.2 s\n"
 STACK_MOST = 4096
-CHECKS = 9 + len(FAULTS)  # of each port
+LIVE_TICKS = 1000
+CHECKS = 11 + len(FAULTS)  # of each port
 count = 0
 failed = False
 
@@ -140,6 +142,44 @@ def replay(port, r, plugin):
            port.title + ": a damaged bank is refused with the same emergency frame", process.stderr)
 
 
+def converse(port, r):
+    """With this process at the other end of two pipes, an answer for each question, as long as it likes."""
+    answers = r.answers.read_bytes()
+    batches, begin = [], 0
+    for at in range(0, len(answers), emulated.RECORD.size):
+        if emulated.RECORD.unpack_from(answers, at)[3] == emulated.TIME:
+            batches.append(answers[begin:at + emulated.RECORD.size])
+            begin = at + emulated.RECORD.size
+    batches = batches[:2 * LIVE_TICKS]
+    short, expected = r.place / "short", r.place / "short.native"
+    short.write_bytes(b"".join(batches))
+    emulated.native(r.bank, short, expected)
+
+    names = [r.place / ("%s.%s" % (port.name, way)) for way in ("in", "out")]
+    for name in names:
+        os.mkfifo(name)
+    signal.alarm(emulated.SECONDS)  # an emulator that never opens its pipes
+    process = subprocess.Popen(port.command(names, r.bank), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL, env=emulated.QUIET)
+    heard = b""
+    with open(names[0], "wb", buffering=0) as to, open(names[1], "rb") as back:
+        for batch in batches:
+            while True:  # until it asks
+                record = back.read(emulated.RECORD.size)
+                heard += record
+                if len(record) < emulated.RECORD.size or emulated.RECORD.unpack(record)[3] == emulated.TIME:
+                    break
+            for at in range(0, len(batch), 5):  # in pieces that are no records
+                to.write(batch[at:at + 5])
+        to.close()
+        heard += back.read()
+    code = process.wait(60)
+    signal.alarm(0)
+    result(code == 0 and heard == expected.read_bytes(),
+           "%s: %d ticks against a live process at the other end, the same frames" % (port.title, LIVE_TICKS),
+           "code %d, %d bytes of %d" % (code, len(heard), expected.stat().st_size))
+
+
 def replay_effects(port, r, plugin):
     """Every effect gives the same torques too."""
     there = r.place / "effects.there"
@@ -148,6 +188,8 @@ def replay_effects(port, r, plugin):
     print("# %s with effects: %d ticks, %d instructions in the worst; %s" % (port.title, len(r.rows), max(instructions),
                                                                            said.strip()))
     result(there.read_bytes() == r.here.read_bytes(), port.title + ": with effects all frames are the native port's too")
+    stack = int(said.split("stack ")[1].split()[0])
+    result(0 < stack <= STACK_MOST, "%s: with effects the stack is at most %d bytes too" % (port.title, STACK_MOST), stack)
     process = port.emulate([r.answers, there], r.bank)
     result(process.returncode == 6 and len(emulated.frames(there, emulated.EMERGENCY)) == 1,
            port.title + ": an image without the effects refuses that bank", process.stderr)
@@ -190,6 +232,7 @@ def main():
                     result(False, port.title, skip=why)
                 continue
             replay(port, recording, plugin)
+            converse(port, recording)
             replay_effects(port, effects, plugin)
             faults(port, place)
     return 1 if failed else 0
