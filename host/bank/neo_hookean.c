@@ -11,6 +11,16 @@ struct point {
     double gradient[NEO_HOOKEAN_NODES][3], spatial[NEO_HOOKEAN_NODES][3]; /* g_j and F^-t g_j */
 };
 
+static void gradients_at(const struct element *element, enum element_order order, size_t points, size_t q,
+                         double (*gradient)[3])
+{
+    const double near = 0.58541019662496852, far = 0.13819660112501050; /* (5 + 3 sqrt 5)/20, (5 - sqrt 5)/20 */
+    double L[4];
+    for (size_t k = 0; k < 4; k++)
+        L[k] = points == 1 ? 0.25 : k == q ? near : far;
+    element_gradients(element, order, L, gradient);
+}
+
 /* F^-t det F: the cofactors. */
 static void cofactors(double F[3][3], double c[3][3])
 {
@@ -21,14 +31,20 @@ static void cofactors(double F[3][3], double c[3][3])
         }
 }
 
-/* False when the element is inverted there. */
-static bool deform(struct point *point, size_t nodes, const double *u)
+static void displacement_gradient(double (*gradient)[3], size_t nodes, const double *u, double H[3][3])
 {
-    double c[3][3], A[3][3] = {{0}}; /* grad u */
+    memset(H, 0, 9 * sizeof(double));
     for (int a = 0; a < 3; a++)
         for (size_t j = 0; j < nodes; j++)
             for (int b = 0; b < 3; b++)
-                A[a][b] += u[3 * j + (size_t)a] * point->gradient[j][b];
+                H[a][b] += u[3 * j + (size_t)a] * gradient[j][b];
+}
+
+/* False when the element is inverted there. */
+static bool deform(struct point *point, size_t nodes, const double *u)
+{
+    double c[3][3], A[3][3];
+    displacement_gradient(point->gradient, nodes, u, A);
     double trace = A[0][0] + A[1][1] + A[2][2];
     cofactors(A, c);
     point->growth = trace + c[0][0] + c[1][1] + c[2][2] + A[0][0] * c[0][0] + A[0][1] * c[0][1] + A[0][2] * c[0][2];
@@ -79,15 +95,11 @@ static void add_tangent(const struct point *point, size_t nodes, double mu, doub
 double neo_hookean_element(const struct element *element, struct lame material, enum element_order order,
                            const double *u, double *force, double *tangent, double *least_volume)
 {
-    const double near = 0.58541019662496852, far = 0.13819660112501050; /* (5 + 3 sqrt 5)/20, (5 - sqrt 5)/20 */
     size_t nodes = element_nodes(order), points = order == ELEMENT_QUADRATIC ? 4 : 1;
     double V = element->volume_m3, growth = 0, energy = 0, mean_gradient[NEO_HOOKEAN_NODES][3] = {{0}};
     struct point point[POINTS_MAX];
     for (size_t q = 0; q < points; q++) {
-        double L[4];
-        for (size_t k = 0; k < 4; k++)
-            L[k] = points == 1 ? 0.25 : k == q ? near : far;
-        element_gradients(element, order, L, point[q].gradient);
+        gradients_at(element, order, points, q, point[q].gradient);
         point[q].weight = V / (double)points;
         if (!deform(&point[q], nodes, u))
             return INFINITY;
@@ -116,4 +128,26 @@ double neo_hookean_element(const struct element *element, struct lame material, 
             for (int c = 0; c < 9; c++)
                 tangent[9 * (nodes * j + k) + (size_t)c] += stiff * mean_gradient[j][c / 3] * mean_gradient[k][c % 3];
     return energy + V * material.lambda_Pa / 2 * log_mean * log_mean;
+}
+
+double neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order, const double *u)
+{
+    size_t nodes = element_nodes(order), points = order == ELEMENT_QUADRATIC ? 4 : 1;
+    double cubes = 0, g = 0, h = 0;
+    for (size_t q = 0; q < points; q++) {
+        double gradient[NEO_HOOKEAN_NODES][3], H[3][3], square[3][3] = {{0}};
+        gradients_at(element, order, points, q, gradient);
+        displacement_gradient(gradient, nodes, u, H);
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                for (int c = 0; c < 3; c++)
+                    square[a][b] += H[a][c] * H[c][b];
+        double trace = H[0][0] + H[1][1] + H[2][2];
+        g += trace / (double)points;
+        h += (trace * trace - square[0][0] - square[1][1] - square[2][2]) / 2 / (double)points;
+        for (int a = 0; a < 3; a++)
+            for (int b = 0; b < 3; b++)
+                cubes += square[a][b] * H[b][a] / (double)points;
+    }
+    return element->volume_m3 * (-material.mu_Pa / 3 * cubes + material.lambda_Pa * (g * h - g * g * g / 2));
 }

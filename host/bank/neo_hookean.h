@@ -20,4 +20,9 @@ enum { NEO_HOOKEAN_NODES = 10 };
 double neo_hookean_element(const struct element *element, struct lame material, enum element_order order,
                            const double *u, double *force, double *tangent, double *least_volume);
 
+/* The part of the energy that is cubic in u, J, of what `neo_hookean_element` says: with H = grad u and means over the element
+ *   V { -mu/3 mean tr H^3 + lambda (g h - g^3 / 2) },   g = mean tr H,  h = mean ((tr H)^2 - tr H^2)/2. */
+double neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order,
+                         const double *u);
+
 #endif

@@ -121,6 +121,15 @@ static void scatter(const struct nonlinear *n, const uint32_t *node, size_t node
         }
 }
 
+/* An element's displacements. */
+static void gather(const struct model *m, const uint32_t *node, size_t nodes, const double *u, double *own)
+{
+    for (size_t i = 0; i < 3 * nodes; i++) {
+        int32_t unknown = m->unknown[3 * (size_t)node[i / 3] + i % 3];
+        own[i] = unknown >= 0 ? u[unknown] : 0;
+    }
+}
+
 /* The energy, INFINITY when an element is inverted; `force` and the tangent on demand. */
 static double evaluate(const struct nonlinear *n, const double *u, double *force, bool tangent, double *least_volume)
 {
@@ -135,10 +144,7 @@ static double evaluate(const struct nonlinear *n, const double *u, double *force
         memset(n->tangent->x, 0, (size_t)((int32_t *)n->tangent->p)[m->unknowns] * sizeof(double));
     for (size_t t = 0; t < m->mesh->tetrahedron_count && isfinite(energy); t++) {
         const uint32_t *node = m->space.nodes + nodes * t;
-        for (size_t i = 0; i < 3 * nodes; i++) {
-            int32_t unknown = m->unknown[3 * (size_t)node[i / 3] + i % 3];
-            own[i] = unknown >= 0 ? u[unknown] : 0;
-        }
+        gather(m, node, nodes, u, own);
         double volume = 0;
         energy += neo_hookean_element(&n->element[t], m->materials.hooke[m->materials.of[t]].lame, order, own,
                                       force ? f : NULL, tangent ? block : NULL, &volume);
@@ -347,5 +353,54 @@ int nonlinear_press(struct nonlinear *n, const struct nonlinear_rows *rows, doub
     free(press.q);
     free(from);
     free(kept);
+    return status;
+}
+
+/* ---- small displacements ---- */
+
+size_t nonlinear_unknowns(const struct nonlinear *n)
+{
+    return n->model->unknowns;
+}
+
+double nonlinear_cubic(const struct nonlinear *n, const double *u)
+{
+    const struct model *m = n->model;
+    size_t nodes = element_nodes(m->space.order);
+    double sum = 0, own[3 * NEO_HOOKEAN_NODES];
+    for (size_t t = 0; t < m->mesh->tetrahedron_count; t++) {
+        gather(m, m->space.nodes + nodes * t, nodes, u, own);
+        sum += neo_hookean_cubic(&n->element[t], m->materials.hooke[m->materials.of[t]].lame, m->space.order, own);
+    }
+    return sum;
+}
+
+int nonlinear_linear(struct nonlinear *n, const struct nonlinear_rows *rows, double epsilon_m_N, double *A,
+                     double *field, struct failure *why)
+{
+    size_t m = rows->count, unknowns = n->model->unknowns;
+    double *columns = calloc(m * unknowns + 1, sizeof *columns), *solved = malloc((m * unknowns + 1) * sizeof *solved);
+    int status = STATUS_OK;
+    if (!columns || !solved)
+        status = failure_set(why, STATUS_MEMORY, n->model->place, NULL, "no memory for %zu constraints", m);
+    for (size_t r = 0; r < m && !status; r++)
+        load(n->model, rows, r, 1, columns + r * unknowns);
+    if (!status)
+        status = model_solve(n->model, m, columns, solved, why);
+    for (size_t r = 0; r < m && !status; r++)
+        for (size_t s = 0; s < m; s++)
+            A[r * m + s] = value(n->model, rows, r, solved + s * unknowns) + (r == s ? epsilon_m_N : 0);
+    if (!status && (LAPACKE_dpotrf(LAPACK_COL_MAJOR, 'L', (lapack_int)m, A, (lapack_int)m) ||
+                    LAPACKE_dpotri(LAPACK_COL_MAJOR, 'L', (lapack_int)m, A, (lapack_int)m)))
+        status = failure_set(why, STATUS_MODEL_FACTOR, n->model->place, "move the tool off the fixed nodes",
+                             "the tools' compliance is not positive definite");
+    for (size_t r = 0; r < m && !status; r++)
+        for (size_t s = 0; s < r; s++)
+            A[r * m + s] = A[s * m + r];
+    if (!status)
+        cblas_dgemm(CblasColMajor, CblasNoTrans, CblasNoTrans, (int)unknowns, (int)m, (int)m, 1, solved, (int)unknowns,
+                    A, (int)m, 0, field, (int)unknowns);
+    free(columns);
+    free(solved);
     return status;
 }
