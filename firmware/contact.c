@@ -281,11 +281,10 @@ void contact_push(struct contact_set *s, const struct bank_view *bank)
 }
 
 /* The three corners of a triangle that is not in use yet. */
-static void expect_triangle(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
-                            uint32_t triangle)
+static void expect_triangle(struct row_cache *g, const struct bank_view *bank, uint32_t triangle)
 {
     for (int k = 0; k < 3; k++) /* bound: 3; rows that are ready cost a look */
-        row_cache_expect(g, bank, bank->row_of[bank->triangles[triangle].vertex[k]], s->in_use, s->in_use_count);
+        row_cache_expect(g, bank, bank->row_of[bank->triangles[triangle].vertex[k]]);
 }
 
 void contact_expect(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
@@ -295,7 +294,7 @@ void contact_expect(const struct contact_set *s, struct row_cache *g, const stru
         return;
     for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
         for (int k = 0; k < 3; k++)         /* bound: 3 */
-            expect_triangle(s, g, bank, bank->triangles[s->contact[c].triangle].neighbour[k]);
+            expect_triangle(g, bank, bank->triangles[s->contact[c].triangle].neighbour[k]);
 
     const struct collide_point *p = &points->point[g->tick % points->count];
     float ahead[3];
@@ -303,7 +302,7 @@ void contact_expect(const struct contact_set *s, struct row_cache *g, const stru
     for (int k = 0; k < 3; k++) /* bound: 3 */
         ahead[k] = p->position_m[k] + CONTACT_FORESIGHT_S * velocity_m_s[k];
     if (!p->touching && p->known && collide_sweep(bank, p->position_m, ahead, &hit))
-        expect_triangle(s, g, bank, hit.triangle);
+        expect_triangle(g, bank, hit.triangle);
 }
 
 void contact_clear(struct contact_set *s)

@@ -286,10 +286,11 @@ static inline int32_t dot3(const int16_t *l, const int16_t *r, int32_t sum)
     return sum;
 }
 
-void row_dot(const struct row_block *left, uint32_t left_count, const struct row_block *right, uint32_t right_count,
-             int32_t sum[9])
+uint32_t row_dot(const struct row_block *left, uint32_t left_count, const struct row_block *right, uint32_t right_count,
+                 int32_t sum[9])
 {
     const struct row_block *l = left, *left_end = left + left_count, *r = right, *right_end = right + right_count;
+    uint32_t common = 0;
     int32_t s0 = 0, s1 = 0, s2 = 0, s3 = 0, s4 = 0, s5 = 0, s6 = 0, s7 = 0, s8 = 0;
     while (l < left_end && r < right_end) { /* bound: both counts together */
         const uint32_t i = l->column, j = r->column;
@@ -299,6 +300,7 @@ void row_dot(const struct row_block *left, uint32_t left_count, const struct row
             r++;
         else {
             const int16_t *x = l++->value, *y = r++->value;
+            common++;
             s0 = dot3(x, y, s0);
             s1 = dot3(x, y + 3, s1);
             s2 = dot3(x, y + 6, s2);
@@ -313,4 +315,5 @@ void row_dot(const struct row_block *left, uint32_t left_count, const struct row
     sum[0] = s0, sum[1] = s1, sum[2] = s2;
     sum[3] = s3, sum[4] = s4, sum[5] = s5;
     sum[6] = s6, sum[7] = s7, sum[8] = s8;
+    return common;
 }

@@ -33,6 +33,7 @@ void row_cache_begin(struct row_cache *g)
 {
     g->tick++;
     g->work = 0;
+    g->prepared = 0;
 }
 
 static void spend(struct row_cache *g, uint32_t work)
@@ -86,64 +87,78 @@ static const struct row_block *blocks_of(const struct row_cache *g, uint32_t slo
 }
 
 /* Read on until the row is complete or the work is spent. */
-static bool read_row(struct row_cache *g, uint8_t s)
+static bool read_row(struct row_cache *g, uint32_t s)
 {
     struct row_cache_slot *slot = &g->slot[s];
     while (!slot->ready && may_work(g)) { /* bound: rows / ROW_CACHE_PORTION + 1 */
+        const uint16_t *word = slot->reader.next;
+        uint32_t column = slot->reader.column;
         uint32_t found = row_read(&slot->reader, ROW_CACHE_PORTION, g->blocks + (size_t)s * g->stride + slot->blocks);
         slot->blocks += found;
         slot->ready = row_finished(&slot->reader);
         g->rows_read += slot->ready;
-        spend(g, ROW_CACHE_PORTION * ROW_CACHE_COLUMN_WORK + found * ROW_CACHE_BLOCK_WORK);
+        spend(g, (slot->reader.column - column) * ROW_CACHE_COLUMN_WORK + found * ROW_CACHE_BLOCK_WORK +
+                     (uint32_t)(slot->reader.next - word) * ROW_CACHE_WORD_WORK);
     }
     return slot->ready;
 }
 
 /* G between two complete rows, into the table. */
-static bool multiply(struct row_cache *g, uint8_t s, uint8_t t)
+static void multiply(struct row_cache *g, uint32_t s, uint32_t t)
 {
     struct row_cache_slot *a = &g->slot[s], *b = &g->slot[t];
-    if (a->known >> t & 1u)
-        return true;
-    if (!may_work(g))
-        return false;
     uint32_t high = s > t ? s : t, low = s > t ? t : s;
     int32_t sum[9];
-    row_dot(blocks_of(g, high), g->slot[high].blocks, blocks_of(g, low), g->slot[low].blocks, sum);
+    uint32_t common = row_dot(blocks_of(g, high), g->slot[high].blocks, blocks_of(g, low), g->slot[low].blocks, sum);
     float *block = g->pair[place(high, low)];
     for (int e = 0; e < 9; e++) /* bound: 9 */
         block[e] = g->scale * (float)sum[e];
     a->known |= (uint64_t)1 << t;
     b->known |= (uint64_t)1 << s;
     g->products++;
-    spend(g, (a->blocks < b->blocks ? a->blocks : b->blocks) * ROW_CACHE_DOT_WORK);
+    spend(g, (a->blocks + b->blocks) * ROW_CACHE_STEP_WORK + common * ROW_CACHE_DOT_WORK);
+}
+
+/* Number of the lowest bit that is set, in words of 32 bits: there is no library to do it in 64. */
+static uint32_t lowest(uint64_t set)
+{
+    uint32_t low = (uint32_t)set;
+    return low ? (uint32_t)__builtin_ctz(low) : 32u + (uint32_t)__builtin_ctz((uint32_t)(set >> 32));
+}
+
+/* The products of a row with those of a set, all complete. False when the work ran out before the last. */
+static bool multiply_all(struct row_cache *g, uint32_t s, uint64_t set)
+{
+    for (uint64_t lacking = set & ~g->slot[s].known; lacking; lacking &= lacking - 1) { /* bound: ROW_CACHE_SLOTS */
+        if (!may_work(g))
+            return false;
+        multiply(g, s, lowest(lacking));
+    }
     return true;
 }
 
 bool row_cache_prepare(struct row_cache *g, const uint8_t *slots, uint32_t first, uint32_t count)
 {
+    uint64_t set = 0;
     for (uint32_t i = first; i < count; i++) /* bound: ROW_CACHE_SLOTS */
         if (!read_row(g, slots[i]))
             return false;
-    for (uint32_t i = first; i < count; i++) /* bound: ROW_CACHE_SLOTS */
-        for (uint32_t j = 0; j <= i; j++)    /* bound: ROW_CACHE_SLOTS */
-            if (!multiply(g, slots[i], slots[j]))
-                return false;
+    for (uint32_t i = 0; i < count; i++) { /* bound: ROW_CACHE_SLOTS */
+        set |= (uint64_t)1 << slots[i];
+        if (i >= first && !multiply_all(g, slots[i], set))
+            return false;
+    }
+    g->prepared |= set;
     return true;
 }
 
-void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_t row, const uint8_t *slots,
-                      uint32_t count)
+void row_cache_expect(struct row_cache *g, const struct bank_view *bank, uint16_t row)
 {
     if (g->stride == 0 || row == BANK_NONE || !may_work(g))
         return;
     uint8_t s = row_cache_slot(g, bank, row);
-    if (s == ROW_CACHE_NO_SLOT || !read_row(g, s))
-        return;
-    for (uint32_t i = 0; i < count; i++) /* bound: ROW_CACHE_SLOTS */
-        if (!multiply(g, s, slots[i]))
-            return;
-    multiply(g, s, s);
+    if (s != ROW_CACHE_NO_SLOT && read_row(g, s))
+        multiply_all(g, s, g->prepared | (uint64_t)1 << s);
 }
 
 const float *row_cache_pair(const struct row_cache *g, uint8_t slot, uint8_t other, bool *turned)

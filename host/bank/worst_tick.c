@@ -30,8 +30,9 @@ double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned 
 {
     double m = points, steps = contact->solver_steps ? contact->solver_steps : BANK_MAX_SOLVER_STEPS;
     double work = contact->row_work ? (double)contact->row_work * BANK_ROW_WORK_UNIT : ROW_CACHE_WORK;
-    double portion = ROW_CACHE_PORTION * (ROW_CACHE_COLUMN_WORK + ROW_CACHE_BLOCK_WORK);
-    double overshoot = fmax(portion, (double)max_blocks * ROW_CACHE_DOT_WORK);
+    double block = ROW_CACHE_COLUMN_WORK + ROW_CACHE_BLOCK_WORK + ROW_CACHE_BLOCK_WORDS * ROW_CACHE_WORD_WORK;
+    double product = max_blocks * (double)(2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
+    double overshoot = fmax(ROW_CACHE_PORTION * block, product);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
     double solver = sweeps ? FRICTION_POINT * m + sweeps * sweep(m) : steps * solver_step(m);
     return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + solver +

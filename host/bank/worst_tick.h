@@ -26,7 +26,7 @@
 #define WORST_TICK_POINT      6800.0
 #define WORST_TICK_PAIR       1600.0 /* of contacts, blocks in the table of products */
 #define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
-#define WORST_TICK_WORK       2.5    /* instructions per unit of row work (firmware/row_cache.h) */
+#define WORST_TICK_WORK       1.05   /* instructions per unit of row work (firmware/row_cache.h), and around it */
 
 /* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank; `sweeps`: of friction's
  * solver, 0 without friction. */

@@ -5,6 +5,7 @@
  *   --seed N        of the losses and of the jumps (default 1)
  *   --jumps TICK    from this tick on no hand moves so: in every ten ticks four samples are lost, and the tool is then
  *                   elsewhere, as far as the plausibility of the encoders lets it
+ *   --period N      of the jumps, instead of ten ticks; at least five
  *   --torques FILE  the torque frames of the run, as `trocar run --torque-log` writes them; not with --jumps
  *
  * ANSWERS holds records of ports/lockstep.h: for each tick the frames until the sample and that time, then the frames
@@ -29,6 +30,7 @@ struct recorder {
     const char *bank_path, *answers_path, *ticks_path;
     struct session_options options;
     uint64_t jumps_from; /* 0: none */
+    uint64_t jump_period;
     struct bank_file bank;
     struct session *session;
     FILE *answers, *ticks;
@@ -62,7 +64,7 @@ static bool displace(struct recorder *r, struct can_frame_t *frame)
     struct wire_encoders m;
     if (r->jumps_from == 0 || tick < r->jumps_from || !wire_encoders_unpack(&m, frame->data, frame->length))
         return true;
-    unsigned phase = (unsigned)((tick - r->jumps_from) % 10);
+    unsigned phase = (unsigned)((tick - r->jumps_from) % r->jump_period);
     if (phase < 4)
         return false;
     if (phase == 4)
@@ -181,10 +183,14 @@ static int count(struct recorder *r, struct failure *why)
 
 static bool parse(struct recorder *r, int argc, char **argv)
 {
-    static const struct option options[] = {
-        {"ticks", required_argument, NULL, 'n'},   {"drop", required_argument, NULL, 'd'},
-        {"seed", required_argument, NULL, 's'},    {"jumps", required_argument, NULL, 'j'},
-        {"torques", required_argument, NULL, 't'}, {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"ticks", required_argument, NULL, 'n'},
+                                            {"drop", required_argument, NULL, 'd'},
+                                            {"seed", required_argument, NULL, 's'},
+                                            {"jumps", required_argument, NULL, 'j'},
+                                            {"torques", required_argument, NULL, 't'},
+                                            {"period", required_argument, NULL, 'p'},
+                                            {NULL, 0, NULL, 0}};
+    r->jump_period = 10;
     r->options.faults = (struct bus_faults){
         .id_from = WIRE_ENCODERS_ID + SESSION_NODE, .id_to = WIRE_ENCODERS_ID + SESSION_NODE, .seed = 1};
     for (int o; (o = getopt_long(argc, argv, "", options, NULL)) != -1;)
@@ -201,6 +207,9 @@ static bool parse(struct recorder *r, int argc, char **argv)
         case 'j':
             r->jumps_from = strtoull(optarg, NULL, 10);
             break;
+        case 'p':
+            r->jump_period = strtoull(optarg, NULL, 10);
+            break;
         case 't':
             r->options.torque_log = optarg;
             break;
@@ -208,7 +217,7 @@ static bool parse(struct recorder *r, int argc, char **argv)
             return false;
         }
     r->random = r->options.faults.seed;
-    if (argc - optind != 4)
+    if (argc - optind != 4 || r->jump_period < 5)
         return false;
     r->bank_path = argv[optind];
     r->options.gesture = argv[optind + 1];

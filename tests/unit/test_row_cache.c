@@ -27,8 +27,9 @@ static unsigned char *compressed(const struct bank_fixture_options *options, dou
 /* One portion or product may pass the limit: a portion of columns all of which hold a block, the longest product. */
 static uint32_t work_bound(const struct bank_view *bank)
 {
-    uint32_t portion = ROW_CACHE_PORTION * (ROW_CACHE_COLUMN_WORK + ROW_CACHE_BLOCK_WORK);
-    uint32_t product = row_max_blocks(bank) * ROW_CACHE_DOT_WORK;
+    uint32_t block = ROW_CACHE_COLUMN_WORK + ROW_CACHE_BLOCK_WORK + ROW_CACHE_BLOCK_WORDS * ROW_CACHE_WORD_WORK;
+    uint32_t portion = ROW_CACHE_PORTION * block;
+    uint32_t product = row_max_blocks(bank) * (2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
     return ROW_CACHE_WORK + (portion > product ? portion : product);
 }
 
