@@ -31,12 +31,12 @@ REPORTS = {  # what a fault's report must say
     "cortex_r5_zcu102": {"c": "data abort pc=", "b": "data abort pc=.*dfar=10000000", "x": "prefetch abort pc=.*ifar=00400000",
                          "s": "data abort stack=overflow", "p": "data abort pc=.*dfar=40004000"},
 }
-# A scene with effects, tests/unit/effects.t says that each makes a difference. A new one joins here.
-EFFECTS = "effects: {friction: {mu: 0.3}}"
+# Scenes with effects, as few as hold all. A new one joins here.
+EFFECTS = {"friction": "effects: {friction: {mu: 0.3}}", "swing": "effects: {swing: {modes: 4}}"}
 EFFECTS_GESTURE = "approach 0.3 s\npress 15 mm in 0.4 s\nslide 15 mm 10 mm in 0.4 s\nslide -25 mm 0 mm in 0.5 s\npoke 10 mm in 0.2 s\n"
 STACK_MOST = 4096
 LIVE_TICKS = 1000
-CHECKS = 11 + len(FAULTS)  # of each port
+CHECKS = 8 + 3 * len(EFFECTS) + len(FAULTS)  # of each port
 count = 0
 failed = False
 
@@ -81,11 +81,12 @@ class DemoRecording(Recording):
 
 
 class EffectsRecording(Recording):
-    def __init__(self, place):
-        scene = place / "effects.yaml"
+    def __init__(self, place, name):
+        self.name = name
+        scene = place / (name + ".yaml")
         shutil.copy("host/scenes/demo/liver.geo", place)
         text = pathlib.Path("host/scenes/demo/demo.yaml").read_text()
-        scene.write_text(re.sub(r"^effects: .*$", EFFECTS, text, flags=re.MULTILINE))
+        scene.write_text(re.sub(r"^effects: .*$", EFFECTS[name], text, flags=re.MULTILINE))
         gesture = place / "effects.gesture"
         gesture.write_text(EFFECTS_GESTURE)
         super().__init__(place, scene, gesture, [])
@@ -185,14 +186,14 @@ def replay_effects(port, r, plugin):
     there = r.place / "effects.there"
     instructions, said = emulated.count_ticks(port.with_effects(), plugin, r.bank, r.answers, there, r.place / "ticks",
                                               "node_finish_tick", "node_transmit")
-    print("# %s with effects: %d ticks, %d instructions in the worst; %s" % (port.title, len(r.rows), max(instructions),
-                                                                           said.strip()))
-    result(there.read_bytes() == r.here.read_bytes(), port.title + ": with effects all frames are the native port's too")
+    print("# %s with %s: %d ticks, %d instructions in the worst; %s" % (port.title, r.name, len(r.rows), max(instructions),
+                                                                      said.strip()))
+    result(there.read_bytes() == r.here.read_bytes(), "%s: with %s all frames are the native port's too" % (port.title, r.name))
     stack = int(said.split("stack ")[1].split()[0])
-    result(0 < stack <= STACK_MOST, "%s: with effects the stack is at most %d bytes too" % (port.title, STACK_MOST), stack)
+    result(0 < stack <= STACK_MOST, "%s: with %s the stack is at most %d bytes too" % (port.title, r.name, STACK_MOST), stack)
     process = port.emulate([r.answers, there], r.bank)
     result(process.returncode == 6 and len(emulated.frames(there, emulated.EMERGENCY)) == 1,
-           port.title + ": an image without the effects refuses that bank", process.stderr)
+           "%s: an image without %s refuses that bank" % (port.title, r.name), process.stderr)
 
 
 def faults(port, place):
@@ -214,16 +215,17 @@ def faults(port, place):
 
 
 def main():
-    print("1..%d" % (3 + CHECKS * len(emulated.PORTS)))
+    print("1..%d" % (2 + len(EFFECTS) + CHECKS * len(emulated.PORTS)))
     with tempfile.TemporaryDirectory(prefix="trocar-replay-") as place:
         place = pathlib.Path(place)
         recording = DemoRecording(place)
         check_native(recording)
-        effects = EffectsRecording(place)
-        process = emulated.native(effects.bank, effects.answers, effects.here, emulated.NATIVE_WITH_EFFECTS)
-        result(process.returncode == 0 and emulated.frames(effects.here, emulated.TORQUES)[:len(effects.rows)]
-               == emulated.logged(effects.log, emulated.TORQUES),
-               "the native port with effects answers their recording with the torques of the run", process.stderr)
+        effects = [EffectsRecording(place, name) for name in EFFECTS]
+        for r in effects:
+            process = emulated.native(r.bank, r.answers, r.here, emulated.NATIVE_WITH_EFFECTS)
+            result(process.returncode == 0 and emulated.frames(r.here, emulated.TORQUES)[:len(r.rows)]
+                   == emulated.logged(r.log, emulated.TORQUES),
+                   "the native port with %s answers its recording with the torques of the run" % r.name, process.stderr)
         plugin = emulated.build_plugin(place)
         for port in emulated.PORTS:
             why = port.missing()
@@ -233,7 +235,8 @@ def main():
                 continue
             replay(port, recording, plugin)
             converse(port, recording)
-            replay_effects(port, effects, plugin)
+            for r in effects:
+                replay_effects(port, r, plugin)
             faults(port, place)
     return 1 if failed else 0
 
