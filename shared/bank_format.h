@@ -238,6 +238,23 @@ struct bank_swing {
     struct bank_mode mode[BANK_MAX_MODES]; /* 0 beyond `modes` */
 };
 
+/* VISC, present exactly when the effect viscoelastic is named: this record, then count = branches branches. */
+#define BANK_VISC         BANK_TAG('V', 'I', 'S', 'C')
+#define BANK_MAX_BRANCHES 8
+#define BANK_MAX_GAIN     1000.0f
+struct bank_branch {
+    float decay;  /* a = exp(-T/tau) with T = 1 ms: 0 to below 1; 0 for a dashpot */
+    float gain;   /* c = g tau (1 - a)/T, above 0; all together at most BANK_MAX_GAIN */
+    float share;  /* g, of the equilibrium modulus; 0 for a dashpot. For the host, as time_s is */
+    float time_s; /* tau; for a dashpot its viscosity over the equilibrium modulus */
+};
+struct bank_viscoelastic {
+    uint32_t branches;    /* 1 .. BANK_MAX_BRANCHES */
+    float reach_m;        /* a point that left remembers its tissue to within this distance of where it left */
+    uint32_t reserved[2]; /* 0 */
+    struct bank_branch branch[];
+};
+
 /* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
@@ -257,6 +274,8 @@ _Static_assert(sizeof(struct bank_table) == 38, "layout of a table of symbols");
 _Static_assert(sizeof(struct bank_grid) == 32, "layout of the grid header");
 _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record");
 _Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");
+_Static_assert(sizeof(struct bank_branch) == 16, "layout of a branch");
+_Static_assert(sizeof(struct bank_viscoelastic) == 16, "layout of the record before the branches");
 _Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");
 _Static_assert(sizeof(struct bank_tool) == 368, "layout of an instrument");
 

@@ -35,6 +35,8 @@ struct bank_fixture_options {
     double friction_mu; /* 0: the bank does not name friction */
     unsigned friction_sweeps;
     const struct bank_swing *swing; /* with its shapes behind it; NULL: the bank does not name it */
+    unsigned branches;              /* 0: the bank does not name viscoelastic */
+    struct bank_branch branch[BANK_MAX_BRANCHES];
 };
 
 static const struct bank_fixture_options bank_fixture_default = {.subdivisions = 2,
@@ -345,8 +347,12 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         {BANK_TOOL, BANK_REQUIRED, 1, o->instruments, o->instruments * (uint32_t)sizeof tool[0], tool},
         {0}, /* effects, one after the other */
         {0},
+        {0},
     };
     uint32_t parts = 8, effects = 0;
+    struct bank_viscoelastic *visco = calloc(1, sizeof *visco + sizeof o->branch);
+    *visco = (struct bank_viscoelastic){.branches = o->branches, .reach_m = (float)o->tip_radius_m};
+    memcpy(visco->branch, o->branch, sizeof o->branch);
     if (o->friction_mu > 0) {
         part[parts++] = (struct fixture_part){BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction};
         effects |= EFFECT_FRICTION;
@@ -356,10 +362,15 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         part[parts++] = (struct fixture_part){BANK_SWNG, BANK_REQUIRED, 1, o->swing->modes, size, (void *)o->swing};
         effects |= EFFECT_SWING;
     }
+    if (o->branches) {
+        part[parts++] = (struct fixture_part){BANK_VISC, BANK_REQUIRED, 1, o->branches, 16 + 16 * o->branches, visco};
+        effects |= EFFECT_VISCOELASTIC;
+    }
     unsigned char *bytes = bank_fixture_join(part, parts, length);
     ((struct bank_header *)bytes)->effects = effects;
     bank_fixture_seal(bytes, *length);
-    free(part[3].data), free(half.data), free(row_of), free(t), free(normal), free(x), free(s.x), free(s.t);
+    free(part[3].data), free(half.data), free(visco), free(row_of), free(t), free(normal), free(x), free(s.x),
+        free(s.t);
     return bytes;
 }
 

@@ -16,5 +16,8 @@
 #if IF_SWING(1) + 0
 #include "effects/swing.h"
 #endif
+#if IF_VISCOELASTIC(1) + 0
+#include "effects/viscoelastic.h"
+#endif
 
 #endif

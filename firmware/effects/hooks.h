@@ -30,6 +30,10 @@ static inline bool effects_push(struct controller *c, const struct bank_view *ba
         friction_push(&c->friction, bank, &c->contact, &c->rows);
         return true;
     })
+    IF_VISCOELASTIC(if (bank->viscoelastic) {
+        viscoelastic_push(&c->viscoelastic, bank, &c->contact, &c->rows, &c->collide, c->tick_count);
+        return true;
+    })
     return false;
 }
 
@@ -54,6 +58,7 @@ static inline void effects_forget(struct controller *c)
     (void)c;
     IF_FRICTION(friction_forget(&c->friction);)
     IF_SWING(swing_forget(&c->swing);)
+    IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic);)
 }
 
 #endif

@@ -21,6 +21,12 @@
 #define IF_SWING(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_viscoelastic)
+#define IF_VISCOELASTIC(...) __VA_ARGS__
+#else
+#define IF_VISCOELASTIC(...)
+#endif
+
 /* The bit of each effect, and those of this image. */
 enum {
 #define EFFECT(bit, NAME, name, tag, parts, what) EFFECT_##NAME = 1 << (bit),

@@ -11,6 +11,7 @@
 
 #include "scene_friction.h"
 #include "scene_swing.h"
+#include "scene_viscoelastic.h"
 
 struct body;
 struct failure;

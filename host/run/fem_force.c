@@ -10,17 +10,32 @@
 #include "fem_cone.h"
 #include "progress.h"
 
+/* C d + m of a contact, with m = w - C u from what is remembered after the tick. */
+static float remembered_depth(const struct contact *c, const struct viscoelastic *visco)
+{
+    const struct viscoelastic_point *p = &visco->point[c->point];
+    double depth = (double)visco->stiffening * (double)c->depth_m;
+    for (int a = 0; a < 3; a++) {
+        double m = (1 - (double)visco->stiffening) * (double)p->moved_m[a];
+        for (int b = 0; b < BANK_MAX_BRANCHES; b++)
+            m += (double)p->memory_m[b][a];
+        depth -= (double)c->normal[a] * m;
+    }
+    return (float)depth;
+}
+
 static void fem_sample_take(struct fem_sample *sample, const struct contact_set *set, const struct cone_system *cone,
-                            uint64_t tick)
+                            const struct viscoelastic *visco, uint64_t tick)
 {
     memset(sample, 0, sizeof *sample);
     sample->tick = tick;
     sample->count = set->count;
     sample->friction = cone != NULL;
+    sample->stiffening = visco ? (double)visco->stiffening : 1;
     memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
     for (uint32_t c = 0; c < set->count; c++) {
         sample->contact[c].triangle = set->contact[c].triangle;
-        sample->contact[c].depth_m = set->contact[c].depth_m;
+        sample->contact[c].depth_m = visco ? remembered_depth(&set->contact[c], visco) : set->contact[c].depth_m;
         memcpy(sample->contact[c].weights, set->contact[c].weights, sizeof sample->contact[c].weights);
         memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
         if (cone)
@@ -144,11 +159,11 @@ int fem_force(const struct bank_view *bank, const struct body *body, const struc
         }
     }
     /* A becomes the tissue's compliance between the contacts; p without coupling and unilaterality is not used. */
-    double epsilon = (double)bank->contact->regularisation_m_N;
+    double epsilon = sample->stiffening * (double)bank->contact->regularisation_m_N;
     int status = model_constrained(body->model, m, vertex, weight, normal, epsilon, d, p, A, why);
     if (status)
         return status;
-    double softness = 1 / (double)bank->contact->coupling_stiffness_N_m;
+    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
     for (uint32_t c = 0; c < m; c++)
         for (uint32_t e = 0; e < m; e++)
             for (int k = 0; k < 3; k++)
@@ -187,7 +202,7 @@ static bool make_room(struct fem_record *record)
 }
 
 void fem_record_tick(struct fem_record *record, const struct contact_set *set, const struct cone_system *cone,
-                     uint64_t tick)
+                     const struct viscoelastic *visco, uint64_t tick)
 {
     if (set->count == 0)
         return;
@@ -195,7 +210,7 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, c
     float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
     if (force2 > record->peak_force2_N2) {
         record->peak_force2_N2 = force2;
-        fem_sample_take(&record->peak, set, cone, tick);
+        fem_sample_take(&record->peak, set, cone, visco, tick);
     }
     uint64_t number = record->contact_ticks++;
     if (number % record->stride)
@@ -209,7 +224,7 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, c
             return;
     }
     if (make_room(record))
-        fem_sample_take(&record->sample[record->count++], set, cone, tick);
+        fem_sample_take(&record->sample[record->count++], set, cone, visco, tick);
 }
 
 int fem_compare(const struct bank_view *bank, const struct body *body, const struct fem_record *record,

@@ -9,6 +9,8 @@
  * With friction (a cone_system of the tick is given) there are three unknowns a contact and Coulomb's law in place of the
  * complementarity: fem_cone.h, with the displacements that the controller asks of the tissue.
  *
+ * With visco-elastic tissue depths and coupling are those of viscoelastic.h; what the tissue remembers is the controller's.
+ *
  * So the comparison covers the bank's numbers, their reading, the assembly and the active-set solver in single
  * precision. Not covered: where the contacts are (collision has its own tests) and the mesh's discretisation error. */
 #ifndef TROCAR_FEM_FORCE_H
@@ -21,6 +23,7 @@
 #include "bank.h"
 #include "contact.h"
 #include "effects/cone.h"
+#include "effects/viscoelastic.h"
 
 /* What is kept of a tick. */
 struct fem_sample {
@@ -32,7 +35,8 @@ struct fem_sample {
         float wanted_m[3]; /* with friction */
     } contact[CONTACT_MAX];
     bool friction;
-    float force_N[3]; /* the controller's answer: of the tissue on the tool */
+    double stiffening; /* C of viscoelastic.h, then depth_m is C d + m; 1 without that effect */
+    float force_N[3];  /* the controller's answer: of the tissue on the tool */
 };
 
 /* Samples of a run whose length is not known: every `stride`-th contact tick; when FEM_SPREAD are held and no stride was
@@ -48,9 +52,9 @@ struct fem_record {
     float peak_force2_N2;
 };
 void fem_record_start(struct fem_record *record, uint32_t every); /* 0: spread */
-/* `cone`: of the tick, contacts in the order of the set; NULL without friction. */
+/* `cone`: of the tick, contacts in the order of the set; NULL without friction. `visco`: after the tick; NULL without. */
 void fem_record_tick(struct fem_record *record, const struct contact_set *set, const struct cone_system *cone,
-                     uint64_t tick);
+                     const struct viscoelastic *visco, uint64_t tick);
 void fem_record_free(struct fem_record *record);
 
 /* The comparison: solves all of them. `error` = largest |f - f_fem| / peak |f_fem|; 0 compared: there was no contact. */

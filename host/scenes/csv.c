@@ -1,6 +1,7 @@
 #include "csv.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -66,17 +67,23 @@ static int read_number(const struct csv *table, const char *from, const char *en
                       table->name[column]);
 }
 
+static bool grow(void **memory, size_t bytes)
+{
+    void *larger = realloc(*memory, bytes);
+    if (larger)
+        *memory = larger;
+    return larger != NULL;
+}
+
 static int read_row(struct csv *table, const char *begin, const char *end, char separator, long line, size_t *room,
                     struct failure *why)
 {
     if (table->rows == *room) {
-        *room = *room ? 2 * *room : 256;
-        double *value = realloc(table->value, *room * table->columns * sizeof *value);
-        table->value = value ? value : table->value;
-        long *lines = realloc(table->line, *room * sizeof *lines);
-        table->line = lines ? lines : table->line;
-        if (!value || !lines)
-            return failure_set(why, STATUS_MEMORY, table->path, NULL, "no memory for %zu rows", *room);
+        size_t larger = *room ? 2 * *room : 256;
+        if (!grow((void **)&table->value, larger * table->columns * sizeof *table->value) ||
+            !grow((void **)&table->line, larger * sizeof *table->line))
+            return failure_set(why, STATUS_MEMORY, table->path, NULL, "no memory for %zu rows", larger);
+        *room = larger;
     }
     table->line[table->rows] = line;
     const char *at = begin;

@@ -49,6 +49,8 @@ static const struct unit units[] = {
     {"MiB", DIMENSION_BYTES, 0, 1048576, false},
     {"rad", DIMENSION_ANGLE, 0, 1, false},
     {"deg", DIMENSION_ANGLE, 0, DEGREE_rad, false},
+    {"Pa s", DIMENSION_VISCOSITY, 0, 1, false},
+    {"kPa s", DIMENSION_VISCOSITY, 3, 1, false},
 };
 enum { UNIT_COUNT = sizeof units / sizeof units[0] };
 
@@ -57,7 +59,7 @@ static const char *const dimension_name[] = {
     [DIMENSION_LENGTH] = "a length",       [DIMENSION_POSITION] = "a position",   [DIMENSION_PRESSURE] = "a pressure",
     [DIMENSION_DENSITY] = "a density",     [DIMENSION_STIFFNESS] = "a stiffness", [DIMENSION_DAMPING] = "a damping",
     [DIMENSION_FORCE] = "a force",         [DIMENSION_TIME] = "a time",           [DIMENSION_BYTES] = "a size",
-    [DIMENSION_ANGLE] = "an angle",
+    [DIMENSION_ANGLE] = "an angle",        [DIMENSION_VISCOSITY] = "a viscosity",
 };
 
 /* The dimension whose units a value may carry. */

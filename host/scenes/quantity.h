@@ -23,6 +23,7 @@ enum dimension {
     DIMENSION_TIME,      /* s, ms */
     DIMENSION_BYTES,     /* B, KiB, MiB */
     DIMENSION_ANGLE,     /* rad, deg */
+    DIMENSION_VISCOSITY, /* Pa s, kPa s */
 };
 
 enum { QUANTITY_TEXT = 64 };

@@ -144,9 +144,12 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         scene->effects.named |= effect->bit;
         effect->parse(t, yaml_document_get_node(&t->document, pair->value), scene);
     }
-    const uint32_t both = EFFECT_FRICTION | EFFECT_SWING;
-    if ((scene->effects.named & both) == both)
-        tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "friction and swing do not go together yet");
+    /* Each of these changes what the others take for granted: how contacts respond, and what their forces are. */
+    uint32_t alone = scene->effects.named & (EFFECT_FRICTION | EFFECT_SWING | EFFECT_VISCOELASTIC);
+    if (alone & (alone - 1)) {
+        effects_names(alone, " and ", offered, sizeof offered);
+        tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "%s do not go together yet", offered);
+    }
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)

@@ -135,7 +135,7 @@ static void record_spreads_over_a_run_of_any_length(void **state)
         fem_record_start(&record, 0);
         for (uint64_t t = 0; t < lengths[n]; t++) {
             set.force_N[0] = t == lengths[n] * 2 / 3 ? 5.0f : 1.0f;
-            fem_record_tick(&record, &set, NULL, 10 + t);
+            fem_record_tick(&record, &set, NULL, NULL, 10 + t);
         }
         assert_int_equal(record.contact_ticks, lengths[n]);
         assert_int_equal(record.peak.tick, 10 + lengths[n] * 2 / 3);
@@ -150,8 +150,8 @@ static void record_spreads_over_a_run_of_any_length(void **state)
     struct contact_set set = {.count = 1}, none = {0};
     fem_record_start(&record, 3);
     for (uint64_t t = 0; t < 100; t++) {
-        fem_record_tick(&record, &none, NULL, t);
-        fem_record_tick(&record, &set, NULL, t);
+        fem_record_tick(&record, &none, NULL, NULL, t);
+        fem_record_tick(&record, &set, NULL, NULL, t);
     }
     assert_int_equal(record.count, 34);
     fem_record_free(&record);

@@ -47,6 +47,8 @@ static void units_convert_to_SI(void **state)
         {"1 MiB", DIMENSION_BYTES, 1048576},
         {"2 rad", DIMENSION_ANGLE, 2},
         {"180 deg", DIMENSION_ANGLE, M_PI},
+        {"2 Pa s", DIMENSION_VISCOSITY, 2},
+        {"2 kPa s", DIMENSION_VISCOSITY, 2000},
     };
     for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
         double value;
@@ -72,12 +74,12 @@ static void ranges_take_the_last_unit_or_their_own(void **state)
 static void no_dimension_takes_the_units_of_another(void **state)
 {
     (void)state;
-    static const char *const sample[] = {"%", "mm", "kPa", "kg/m3", "N/m", "N s/m", "N", "s", "MiB", "deg"};
+    static const char *const sample[] = {"%", "mm", "kPa", "kg/m3", "N/m", "N s/m", "N", "s", "MiB", "deg", "Pa s"};
     static const enum dimension of[] = {DIMENSION_SHARE,     DIMENSION_LENGTH,  DIMENSION_PRESSURE, DIMENSION_DENSITY,
                                         DIMENSION_STIFFNESS, DIMENSION_DAMPING, DIMENSION_FORCE,    DIMENSION_TIME,
-                                        DIMENSION_BYTES,     DIMENSION_ANGLE};
-    for (int d = DIMENSION_NUMBER; d <= DIMENSION_ANGLE; d++)
-        for (int u = 0; u < 10; u++) {
+                                        DIMENSION_BYTES,     DIMENSION_ANGLE,   DIMENSION_VISCOSITY};
+    for (int d = DIMENSION_NUMBER; d <= DIMENSION_VISCOSITY; d++)
+        for (int u = 0; u < 11; u++) {
             char text[40], message[200];
             double value;
             snprintf(text, sizeof text, "1 %s", sample[u]);
@@ -95,7 +97,7 @@ static void a_printed_quantity_reads_back_to_the_bit(void **state)
         double value = random_range(-1, 1) * pow(10, (int)random_below(30) - 15), back = 0;
         if (k % 4 == 0) /* what people write */
             value = (int)random_below(1000) / pow(10, random_below(6));
-        enum dimension dimension = (enum dimension)random_below(DIMENSION_ANGLE + 1);
+        enum dimension dimension = (enum dimension)random_below(DIMENSION_VISCOSITY + 1);
         char text[QUANTITY_TEXT], message[200];
         quantity_print(value, dimension, text);
         if (!text[0] || quantity_parse(text, dimension, &back, message, sizeof message) || back != value)
