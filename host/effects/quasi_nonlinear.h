@@ -1,0 +1,52 @@
+/* The quasi-non-linear correction of [C97 3.4.2]: a polynomial Q in the amplitude of the linear force along the imposed
+ * direction, and P in the linear displacement across it, fitted to the compression of a cylinder between plates that let it
+ * slip. Linear elasticity with E and nu says of it, at depth x (height h, radius r),
+ *     f_L = pi r^2 E x / h,     w_L = nu r x / h      (the bulge of its radius).
+ *
+ * A curve is fitted by least squares without a constant (GSL), is monotone from 0 to `range`, and goes on along its tangent
+ * beyond. What it was fitted to is one line of compressions: beside that line it is no truer than linear elasticity
+ * (tests/accuracy/test_second_order.c); second_order.h is the correction that holds in every direction. */
+#ifndef TROCAR_QUASI_NONLINEAR_H
+#define TROCAR_QUASI_NONLINEAR_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "failure.h"
+
+enum { QUASI_NONLINEAR_DEGREE_MIN = 2, QUASI_NONLINEAR_DEGREE_MAX = 10 };
+
+struct monotone {
+    int degree;
+    double coefficient[QUASI_NONLINEAR_DEGREE_MAX + 1]; /* of (x / range)^k, in the unit of y; [0] is 0 */
+    double range;                                       /* largest x of the data */
+    double residual_rms, residual_max;                  /* of the largest |y| */
+};
+
+/* Fit of y(x), x rising from 0 or above. `place` is named in messages. STATUS_FIT when there are fewer than degree + 2 points or
+ * the curve is not monotone on its range, with the x where it turns; MEMORY. */
+int monotone_fit(size_t count, const double *x, const double *y, int degree, const char *place, struct monotone *curve,
+                 struct failure *why);
+
+/* The curve; odd in x; along the tangent beyond the range. */
+double monotone_value(const struct monotone *curve, double x);
+double monotone_slope(const struct monotone *curve, double x);
+
+struct sample {
+    double height_m, radius_m, E_Pa, nu;
+};
+
+struct quasi_nonlinear {
+    struct monotone Q; /* N -> N */
+    bool has_across;
+    struct monotone P;  /* m -> m, across */
+    double depth_max_m; /* of the data */
+};
+
+/* From a table (csv.h): depth [m or mm], force [N or mN], and, optional, across [m or mm], depth rising. The degrees are the
+ * lowest from `degree_min` up whose largest residual is below 0.5 %, or those of the smallest residual. STATUS_TABLE_SYNTAX,
+ * STATUS_FIT with the line or the depth. */
+int quasi_nonlinear_fit(const char *path, const struct sample *sample, int degree_min, struct quasi_nonlinear *fit,
+                        struct failure *why);
+
+#endif
