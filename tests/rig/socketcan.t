@@ -76,10 +76,22 @@ if tc qdisc add dev vcan0 root tbf rate 64kbit burst 100 limit 96 2>/dev/null; t
     $PROBE squeeze vcan0 >$D/squeeze 2>&1
     tc qdisc del dev vcan0 root
 fi
+adapter() { # an SLCAN adapter of can-utils, on a pseudo-terminal
+    before=$(ls /dev/pts)
+    slcanpty /dev/ptmx vcan0 >$D/slcanpty 2>&1 & adapter=$!
+    while [ "$(ls /dev/pts)" = "$before" ]; do :; done
+    for tty in $(ls /dev/pts); do
+        case " $(echo $before) " in *" $tty "*) ;; *) break ;; esac
+    done
+    $PROBE slcan /dev/pts/$tty vcan0 >$D/slcan 2>&1
+    kill $adapter
+    wait
+}
 started=$(date +%s)
 took() { # what was done, and how long it took
     echo "$1 $(($(date +%s) - started)) s"
 }
+adapter
 took "backend at"
 replay
 took "replay at"
@@ -200,6 +212,7 @@ def main():
             print("Bail out! the rig ended with status %d: %s" % (code, said))
             return 1
         tap(text(place / "probe"), "the backend holds against the kernel: filters, own frames, errors, losses, down and up")
+        tap(text(place / "slcan"), "the SLCAN backend agrees with the adapter of can-utils")
         if (place / "squeeze").exists():
             tap(text(place / "squeeze"), "a full transmit queue is waited for, and no frame is lost")
         else:

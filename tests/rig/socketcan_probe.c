@@ -4,6 +4,7 @@
  *   record BANK GESTURE LOG    a run on the simulated bus, every frame of it as a candump log
  *   probe IF                   the backend "socketcan:IF" against the kernel; TAP. As root: it takes IF down and up,
  *                              and IF2 (the name with its last digit one higher) it removes and makes again
+ *   slcan TTY IF               the backend "slcan:TTY" against slcanpty of can-utils, which joins TTY to IF
  *   squeeze IF                 the same interface behind a queue of six frames that lets 500 frames pass per second: none is lost */
 #include <linux/can.h>
 #include <linux/can/error.h>
@@ -227,6 +228,29 @@ static void squeeze(const char *interface)
     backend_close(c);
 }
 
+/* An adapter that somebody else wrote. No remote frames: of these slcanpty takes the length for a command. */
+static void slcan(const char *tty, const char *interface)
+{
+    char name[100];
+    struct backend *a = NULL, *b = end(interface, NULL);
+    snprintf(name, sizeof name, "slcan:%s", tty);
+    result(backend_open(name, NULL, &a, &why) == STATUS_OK, "the channel opens");
+    if (!a)
+        return;
+    struct can_frame_t extended = frame(0x12345678, 3);
+    extended.flags = CAN_FLAG_EXTENDED;
+    bool out = true, in = true;
+    for (unsigned i = 0; i < 200; i++) {
+        out = out && send(a, frame(0x201, (uint8_t)i)) && hears(b, frame(0x201, (uint8_t)i), false);
+        in = in && send(b, frame(0x181, (uint8_t)i)) && hears(a, frame(0x181, (uint8_t)i), false);
+    }
+    result(out && send(a, extended) && hears(b, extended, false), "what is sent arrives on the bus");
+    result(in && send(b, extended) && hears(a, extended, false), "what is on the bus arrives");
+    result(backend_counters(a)->malformed == 0 && backend_counters(a)->refused == 0, "no line is refused by either");
+    backend_close(a);
+    backend_close(b);
+}
+
 static void heard(void *log, const struct can_frame_t *f, uint64_t time_us)
 {
     candump_write(log, "soft", f, time_us, &why);
@@ -266,6 +290,11 @@ int main(int argc, char **argv)
     }
     if (argc == 5 && !strcmp(argv[1], "record"))
         return record(argv[2], argv[3], argv[4]);
+    if (argc == 4 && !strcmp(argv[1], "slcan")) {
+        slcan(argv[2], argv[3]);
+        printf("1..%d\n", tests);
+        return failures ? 1 : 0;
+    }
     if (argc != 3 || (strcmp(argv[1], "probe") && strcmp(argv[1], "squeeze")))
         return 2;
     if (!strcmp(argv[1], "squeeze")) {
