@@ -6,6 +6,7 @@
 
 #include "compression.h"
 #include "tick.h"
+#include "worst_tick.h"
 
 const struct knob_info knob_table[KNOBS] = {
     [KNOB_ORDER] = {"order",
@@ -37,6 +38,13 @@ const struct knob_info knob_table[KNOBS] = {
                     1,
                     5,
                     {1, 2, 3, 6, BANK_MAX_SOLVER_STEPS}},
+    [KNOB_SWEEPS] = {"sweeps",
+                     "sweeps after which the contact solver of a tick with friction stops; 0: no friction",
+                     STAGE_CONTROLLER,
+                     true,
+                     4,
+                     5,
+                     {2, 5, 10, 20, BANK_MAX_SWEEPS}},
     [KNOB_RATE] = {"rate_Hz",
                    "ticks per second; between them the force is held",
                    STAGE_CONTROLLER,
@@ -54,6 +62,7 @@ struct setting knob_scene(const struct scene *scene)
                                 [KNOB_STEP] = COMPRESSION_STEP,
                                 [KNOB_POINTS] = scene->instrument[0].tip_points,
                                 [KNOB_STEPS] = scene->solver_steps ? scene->solver_steps : BANK_MAX_SOLVER_STEPS,
+                                [KNOB_SWEEPS] = worst_tick_sweeps(scene),
                                 [KNOB_RATE] = TICK_RATE_HZ,
                             }};
 }
@@ -64,6 +73,14 @@ void knob_apply(const struct setting *setting, struct scene *scene)
         scene->instrument[i].tip_points = (unsigned)setting->value[KNOB_POINTS];
     scene->order = setting->value[KNOB_ORDER] == 2 ? ELEMENT_QUADRATIC : ELEMENT_LINEAR;
     scene->solver_steps = (unsigned)setting->value[KNOB_STEPS];
+    if (setting->value[KNOB_SWEEPS] > 0)
+        scene->effects.friction.sweeps = (unsigned)setting->value[KNOB_SWEEPS];
+}
+
+bool knob_acts(enum knob knob, const struct setting *base)
+{
+    bool friction = base->value[KNOB_SWEEPS] > 0;
+    return knob == KNOB_SWEEPS ? friction : knob == KNOB_STEPS ? !friction : true;
 }
 
 struct setting knob_reference(const struct setting *setting)
@@ -71,7 +88,7 @@ struct setting knob_reference(const struct setting *setting)
     struct setting reference = *setting;
     for (int k = 0; k < KNOBS; k++) {
         const struct knob_info *knob = &knob_table[k];
-        for (size_t v = 0; v < knob->full && knob->stage != STAGE_BODY; v++)
+        for (size_t v = 0; v < knob->full && knob->stage != STAGE_BODY && knob_acts((enum knob)k, setting); v++)
             if ((knob->value[v] > reference.value[k]) == knob->best_is_most)
                 reference.value[k] = knob->value[v];
     }
@@ -81,8 +98,12 @@ struct setting knob_reference(const struct setting *setting)
 void knob_value_text(enum knob knob, double value, char *text, size_t room)
 {
     static const char *const format[KNOBS] = {
-        [KNOB_REFINE] = "each tetrahedron split %.0f times", [KNOB_STEP] = "step %.3g", [KNOB_POINTS] = "%.0f points",
-        [KNOB_STEPS] = "at most %.0f solver steps",          [KNOB_RATE] = "%.0f Hz",
+        [KNOB_REFINE] = "each tetrahedron split %.0f times",
+        [KNOB_STEP] = "step %.3g",
+        [KNOB_POINTS] = "%.0f points",
+        [KNOB_STEPS] = "at most %.0f solver steps",
+        [KNOB_RATE] = "%.0f Hz",
+        [KNOB_SWEEPS] = "at most %.0f sweeps",
     };
     if (value == 1 && knob == KNOB_POINTS)
         snprintf(text, room, "1 point");
@@ -171,16 +192,19 @@ int plan_make(const struct setting *base, bool quick, struct plan *plan, struct 
     *plan = (struct plan){0};
     int status = add(plan, base, why);
     for (int k = 0; k < KNOBS; k++)
-        for (size_t v = 0; v < values(k, quick) && knob_table[k].stage == STAGE_CONTROLLER && !status; v++) {
+        for (size_t v = 0; v < values(k, quick) && knob_table[k].stage == STAGE_CONTROLLER &&
+                           knob_acts((enum knob)k, base) && !status;
+             v++) {
             struct setting one = *base;
             one.value[k] = knob_table[k].value[v];
             status = add(plan, &one, why);
         }
+    int solver = knob_acts(KNOB_SWEEPS, base) ? KNOB_SWEEPS : KNOB_STEPS;
     for (size_t p = 0; p < knob_table[KNOB_POINTS].full && !quick && !status; p++)
-        for (size_t s = 0; s < knob_table[KNOB_STEPS].full && !status; s++) {
+        for (size_t s = 0; s < knob_table[solver].full && !status; s++) {
             struct setting both = *base;
             both.value[KNOB_POINTS] = knob_table[KNOB_POINTS].value[p];
-            both.value[KNOB_STEPS] = knob_table[KNOB_STEPS].value[s];
+            both.value[solver] = knob_table[solver].value[s];
             status = add(plan, &both, why);
         }
     if (!status)

@@ -10,7 +10,7 @@
 
 #include "scene.h"
 
-enum knob { KNOB_ORDER, KNOB_REFINE, KNOB_STEP, KNOB_POINTS, KNOB_STEPS, KNOB_RATE, KNOBS };
+enum knob { KNOB_ORDER, KNOB_REFINE, KNOB_STEP, KNOB_POINTS, KNOB_STEPS, KNOB_SWEEPS, KNOB_RATE, KNOBS };
 enum stage { STAGE_BODY, STAGE_BANK, STAGE_CONTROLLER };
 enum { KNOB_MAX_VALUES = 10 };
 
@@ -41,8 +41,12 @@ void knob_name(const struct setting *setting, const struct setting *base, char *
 /* First stage at which two settings differ; STAGE_CONTROLLER + 1 when they are the same. */
 int knob_differ(const struct setting *a, const struct setting *b);
 
+/* Whether turning a knob changes anything for this scene: the solver is bounded by factorisations without friction and by sweeps
+ * with it; the other of the two is not turned. */
+bool knob_acts(enum knob knob, const struct setting *base);
+
 /* The settings to measure, `base` first: every combination of the knobs of body and bank with the controller as in the
- * base; then on the base's bank each knob of the controller alone, and when not `quick` points with steps together. Those
+ * base; then on the base's bank each knob of the controller alone, and when not `quick` points with steps (or sweeps) together. Those
  * that share a body, and then a bank, follow each other, the base's first. */
 struct plan {
     size_t count;

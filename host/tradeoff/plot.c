@@ -6,8 +6,8 @@
 enum { WIDTH = 760, HEIGHT = 420, LEFT = 84, RIGHT = 44, TOP = 40, BOTTOM = 96 };
 
 /* Colour-blind safe (Okabe and Ito 2008). */
-static const char *const colour[PLOT_MAX_SERIES] = {"#222222", "#0072b2", "#d55e00", "#009e73",
-                                                    "#cc79a7", "#56b4e9", "#e69f00", "#8a6d00"};
+static const char *const colour[PLOT_MAX_SERIES] = {"#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7",
+                                                    "#56b4e9", "#e69f00", "#f0e442", "#8a6d00"};
 
 void plot_escape(FILE *out, const char *text)
 {

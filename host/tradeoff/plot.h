@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-enum { PLOT_MAX_TICKS = 40, PLOT_MAX_SERIES = 8 };
+enum { PLOT_MAX_TICKS = 40, PLOT_MAX_SERIES = 9 };
 
 enum plot_unit { PLOT_NUMBER, PLOT_PERCENT, PLOT_BYTES };
 

@@ -101,9 +101,13 @@ static void every_setting_of_a_plan_is_there_once_and_neighbours_share_what_they
     struct scene *scene = calloc(1, sizeof *scene);
     struct failure why = {0};
     scene_assume("a.msh", 0.2, MESH_UNIT_NONE, scene);
-    struct setting base = knob_scene(scene);
-    for (int quick = 0; quick < 2; quick++) {
+    for (int form = 0; form < 4; form++) {
+        bool quick = form & 1;
+        scene->effects.named = form & 2 ? EFFECT_FRICTION : 0;
+        scene->effects.friction.sweeps = 10;
+        struct setting base = knob_scene(scene);
         struct plan plan;
+        assert_true(knob_acts(KNOB_SWEEPS, &base) == (form >= 2) && knob_acts(KNOB_STEPS, &base) == (form < 2));
         assert_int_equal(plan_make(&base, quick, &plan, &why), STATUS_OK);
         assert_true(knob_differ(&plan.setting[0], &base) > STAGE_CONTROLLER);
         for (size_t i = 0; i < plan.count; i++)
@@ -111,7 +115,7 @@ static void every_setting_of_a_plan_is_there_once_and_neighbours_share_what_they
                 assert_true(knob_differ(&plan.setting[i], &plan.setting[j]) <= STAGE_CONTROLLER);
         for (int k = 0; k < KNOBS; k++) { /* each value of each knob, alone */
             const struct knob_info *knob = &knob_table[k];
-            for (size_t v = 0; v < (quick ? knob->quick : knob->full); v++) {
+            for (size_t v = 0; knob_acts((enum knob)k, &base) && v < (quick ? knob->quick : knob->full); v++) {
                 struct setting one = base;
                 one.value[k] = knob->value[v];
                 bool found = false;
