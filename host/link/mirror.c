@@ -101,7 +101,7 @@ static void compute(struct mirror *mirror, size_t taken)
 
 static bool same(const struct can_frame_t *a, const struct can_frame_t *b)
 {
-    return a->length == b->length && memcmp(a->data, b->data, a->length) == 0;
+    return a && b && a->length == b->length && memcmp(a->data, b->data, a->length) == 0;
 }
 
 /* Does the torque frame answer the only frame that waits, which is a sample? Then there is nothing to choose. */
@@ -125,7 +125,7 @@ static bool end(struct mirror *mirror, const struct can_frame_t *torques)
     if (choice)
         save(mirror);
     compute(mirror, taken);
-    bool agrees = torques && same(&mirror->torques, torques);
+    bool agrees = same(&mirror->torques, torques);
     while (choice && !agrees && taken > 0) {
         restore(mirror);
         compute(mirror, --taken);
