@@ -165,11 +165,26 @@ static void front(FILE *out, const struct plot *plot)
     fputs("\"/>\n", out);
 }
 
+static void curve(FILE *out, const struct plot *plot, int series)
+{
+    char move = 'M';
+    fputs("<path fill=\"none\" stroke-width=\"2\" d=\"", out);
+    for (size_t i = 0; i < plot->count; i++)
+        if (plot->mark[i].series == series && drawn(&plot->mark[i])) {
+            fprintf(out, "%c%.1f %.1f", move, px(plot, plot->mark[i].x), py(plot, plot->mark[i].y));
+            move = 'L';
+        }
+    fprintf(out, "\" stroke=\"%s\"/>\n", colour[series]);
+}
+
 static void legend(FILE *out, const struct plot *plot)
 {
     double x = LEFT, y = HEIGHT - 32;
+    bool ringed = next_on_front(plot, 0) < plot->count;
     for (int s = 0; s <= PLOT_MAX_SERIES; s++) {
-        const char *name = s < PLOT_MAX_SERIES ? plot->series[s] : "ringed, on the line: nothing measured beats it";
+        const char *name = s < PLOT_MAX_SERIES ? plot->series[s]
+                           : ringed            ? "ringed, on the line: nothing measured beats it"
+                                               : NULL;
         if (!name)
             continue;
         double width = 26 + 6.4 * (double)strlen(name);
@@ -203,9 +218,12 @@ void plot_svg(FILE *out, const struct plot *plot, bool standalone)
     fputs("</text>\n", out);
     axes(out, plot);
     front(out, plot);
+    for (int series = 0; series < PLOT_MAX_SERIES; series++)
+        if (plot->curve[series])
+            curve(out, plot, series);
     for (size_t i = 0; i < plot->count; i++) {
         const struct plot_mark *m = &plot->mark[i];
-        if (!drawn(m))
+        if (!drawn(m) || plot->curve[m->series])
             continue;
         fputs("<g class=\"mark\"><title>", out);
         plot_escape(out, m->title);

@@ -33,6 +33,7 @@ struct plot {
     size_t count;
     struct plot_mark *mark;
     const char *series[PLOT_MAX_SERIES]; /* names for the legend; NULL: not used */
+    bool curve[PLOT_MAX_SERIES];         /* the marks of this series are one line, in their order */
 };
 
 /* Axes that hold all marks: ticks at 1, 2, 5 of each decade, for bytes at powers of two. False when there is no mark. */
