@@ -197,6 +197,10 @@ sanitised-programs: $(PROGRAMS) $(filter $(SANITISED_DIRS:%=$(B)/tests/%/%),$(TE
 bench: $(B)/tests/bench/precompute | test-packages ## how long the precomputation takes beside plain solves and conjugate gradients
 	@$<
 
+.PHONY: sizes
+sizes: $(B)/tests/bench/sizes | test-packages ## bytes of a compressed bank at 1, 0.5 and 0.1 % force error, on two livers (many minutes)
+	@$<
+
 .PHONY: lint
 lint: | test-packages ## format, static analysis and the rules of the code
 	@tests/run.py --build $(B) tests/lint/
