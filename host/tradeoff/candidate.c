@@ -7,6 +7,8 @@
 #include "crc.h"
 #include "pack.h"
 #include "refine.h"
+#include "row.h"
+#include "worst_tick.h"
 
 /* The body again on its mesh refined once. */
 static int refine_body(struct body *body, struct failure *why)
@@ -52,7 +54,18 @@ void discretisation_free(struct discretisation *d)
     body_close(&d->body);
 }
 
-/* The records that follow from scene and setting: contact, instruments and effects of `pack`. */
+/* The share of a tick for rows: as set, else what the scene's budget leaves (the least when it leaves none). */
+static void set_row_work(const struct scene *scene, const struct setting *setting, uint32_t max_blocks,
+                         struct bank_contact *contact)
+{
+    unsigned sweeps = worst_tick_sweeps(scene) ? (unsigned)setting->value[KNOB_SWEEPS]
+                                               : 0; /* effects that are turned off are not in it */
+    worst_tick_fit(contact, sweeps, (unsigned)setting->value[KNOB_POINTS], max_blocks, scene->budget_instructions);
+    if (setting->value[KNOB_ROW_WORK] > 0)
+        contact->row_work = (uint16_t)setting->value[KNOB_ROW_WORK];
+}
+
+/* The records that follow from scene and setting: contact, instruments and effects of `pack`, row_work left out. */
 static int records(struct body *body, const struct setting *setting, double median_m_N, struct pack *pack,
                    struct failure *why)
 {
@@ -164,6 +177,7 @@ int candidate_retool(struct candidate *c, struct body *body, const struct settin
     int status = records(body, setting, (double)c->view.contact->typical_compliance_m_N, &pack, why);
     pack.contact.regularisation_m_N = c->view.contact->regularisation_m_N; /* not rounded twice */
     if (!status) {
+        set_row_work(&body->scene, setting, row_max_blocks(&c->view), &pack.contact);
         replace(&c->bank, BANK_CONT, &pack.contact);
         replace(&c->bank, BANK_TOOL, pack.tool);
     }

@@ -60,7 +60,7 @@ static bool start(struct process *p, const char *controller, const char *bank_pa
         dup2(down[0], 0);
         dup2(up[1], 1);
         dup2(quiet, 2);
-        execlp("valgrind", "valgrind", "--tool=callgrind", "--collect-atstart=no", "--toggle-collect=tick",
+        execlp("valgrind", "valgrind", "--tool=callgrind", "--vgdb=no", "--collect-atstart=no", "--toggle-collect=tick",
                "--dump-after=tick", "--combine-dumps=yes", "--dump-line=no", out_option, controller, bank_path,
                (char *)NULL);
         _exit(127);

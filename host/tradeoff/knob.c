@@ -8,73 +8,196 @@
 #include "tick.h"
 #include "worst_tick.h"
 
+static double order_of(const struct scene *scene)
+{
+    return scene->order == ELEMENT_QUADRATIC ? 2 : 1;
+}
+
+static void set_order(double value, struct scene *scene)
+{
+    scene->order = value == 2 ? ELEMENT_QUADRATIC : ELEMENT_LINEAR;
+}
+
+static double none(const struct scene *scene)
+{
+    (void)scene;
+    return 0;
+}
+
+static double default_step(const struct scene *scene)
+{
+    (void)scene;
+    return COMPRESSION_STEP;
+}
+
+static double effects_of(const struct scene *scene)
+{
+    return scene->effects.named != 0;
+}
+
+static void set_effects(double value, struct scene *scene)
+{
+    if (value == 0)
+        scene->effects.named = 0;
+}
+
+static double points_of(const struct scene *scene)
+{
+    return scene->instrument[0].tip_points;
+}
+
+static void set_points(double value, struct scene *scene)
+{
+    for (size_t i = 0; i < scene->instrument_count; i++)
+        scene->instrument[i].tip_points = (unsigned)value;
+}
+
+static double steps_of(const struct scene *scene)
+{
+    return scene->solver_steps ? scene->solver_steps : BANK_MAX_SOLVER_STEPS;
+}
+
+static void set_steps(double value, struct scene *scene)
+{
+    scene->solver_steps = (unsigned)value;
+}
+
+static double sweeps_of(const struct scene *scene)
+{
+    return worst_tick_sweeps(scene);
+}
+
+static void set_sweeps(double value, struct scene *scene)
+{
+    if (value > 0)
+        scene->effects.friction.sweeps = (unsigned)value;
+}
+
+static double tick_rate(const struct scene *scene)
+{
+    (void)scene;
+    return TICK_RATE_HZ;
+}
+
 const struct knob_info knob_table[KNOBS] = {
-    [KNOB_ORDER] = {"order",
-                    "of the elements: 1 linear, 2 quadratic and projected on the surface",
-                    STAGE_BODY,
-                    true,
-                    2,
-                    2,
-                    {1, 2}},
-    [KNOB_REFINE] = {"refinement", "each tetrahedron is split into 8, so many times", STAGE_BODY, true, 1, 2, {0, 1}},
-    [KNOB_STEP] = {"step",
-                   "rounding of the stored factor, relative; 0: not compressed",
-                   STAGE_BANK,
-                   false,
-                   3,
-                   9,
-                   {0, 5e-3, 4e-4, 2e-2, 1e-2, 2.5e-3, 1.25e-3, 6e-4, 2e-4}},
-    [KNOB_POINTS] = {"points",
-                     "points that sample the instrument's tip",
-                     STAGE_CONTROLLER,
-                     true,
-                     2,
-                     8,
-                     {1, 12, 16, 2, 3, 4, 7, 10}},
-    [KNOB_STEPS] = {"solver_steps",
-                    "factorisations after which the contact solver of a tick stops",
-                    STAGE_CONTROLLER,
-                    true,
-                    1,
-                    5,
-                    {1, 2, 3, 6, BANK_MAX_SOLVER_STEPS}},
-    [KNOB_SWEEPS] = {"sweeps",
-                     "sweeps after which the contact solver of a tick with friction stops; 0: no friction",
-                     STAGE_CONTROLLER,
-                     true,
-                     4,
-                     5,
-                     {2, 5, 10, 20, BANK_MAX_SWEEPS}},
-    [KNOB_RATE] = {"rate_Hz",
-                   "ticks per second; between them the force is held",
-                   STAGE_CONTROLLER,
-                   true,
-                   1,
-                   4,
-                   {500, 250, 125, TICK_RATE_HZ}},
+    [KNOB_ORDER] = {.name = "order",
+                    .legend = "order of the elements",
+                    .what = "of the elements: 1 linear, 2 quadratic and projected on the surface",
+                    .stage = STAGE_BODY,
+                    .best_is_most = true,
+                    .quick = 2,
+                    .full = 2,
+                    .value = {1, 2},
+                    .of_scene = order_of,
+                    .apply = set_order,
+                    .format = "order %.0f",
+                    .at = {NULL, "linear", "quadratic"}},
+    [KNOB_REFINE] = {.name = "refinement",
+                     .legend = "finer mesh",
+                     .what = "each tetrahedron is split into 8, so many times",
+                     .stage = STAGE_BODY,
+                     .best_is_most = true,
+                     .quick = 1,
+                     .full = 2,
+                     .value = {0, 1},
+                     .of_scene = none,
+                     .format = "each tetrahedron split %.0f times",
+                     .at = {"the mesh as it is", "refined once"}},
+    [KNOB_STEP] = {.name = "step",
+                   .legend = "rounding step",
+                   .what = "rounding of the stored factor, relative; 0: not compressed",
+                   .stage = STAGE_BANK,
+                   .quick = 5,
+                   .full = 10,
+                   .value = {0, 5e-3, 4e-4, 2e-2, 1e-4, 1e-2, 2.5e-3, 1.25e-3, 6e-4, 2e-4},
+                   .of_scene = default_step,
+                   .format = "step %.3g",
+                   .at = {"not compressed"}},
+    [KNOB_EFFECTS] = {.name = "effects",
+                      .legend = "effects", /* a scene that names none has nothing to turn */
+                      .what = "1: those that the scene names, 0: none",
+                      .stage = STAGE_BODY,
+                      .best_is_most = true,
+                      .quick = 1,
+                      .full = 1,
+                      .value = {0},
+                      .of_scene = effects_of,
+                      .apply = set_effects,
+                      .format = "%.0f effects",
+                      .at = {"without effects", "with effects"}},
+    [KNOB_POINTS] = {.name = "points",
+                     .legend = "points of the tip",
+                     .what = "points that sample the instrument's tip",
+                     .stage = STAGE_CONTROLLER,
+                     .best_is_most = true,
+                     .quick = 2,
+                     .full = 8,
+                     .value = {1, 12, 16, 2, 3, 4, 7, 10},
+                     .of_scene = points_of,
+                     .apply = set_points,
+                     .format = "%.0f points",
+                     .at = {NULL, "1 point"}},
+    [KNOB_STEPS] = {.name = "solver_steps",
+                    .legend = "solver steps",
+                    .what = "factorisations after which the contact solver of a tick stops",
+                    .stage = STAGE_CONTROLLER,
+                    .best_is_most = true,
+                    .quick = 1,
+                    .full = 5,
+                    .value = {1, 2, 3, 6, BANK_MAX_SOLVER_STEPS},
+                    .of_scene = steps_of,
+                    .apply = set_steps,
+                    .format = "at most %.0f solver steps",
+                    .at = {NULL, "at most 1 solver step"}},
+    [KNOB_SWEEPS] = {.name = "sweeps",
+                     .legend = "sweeps",
+                     .what = "sweeps after which the contact solver of a tick with friction stops; 0: no friction",
+                     .stage = STAGE_CONTROLLER,
+                     .best_is_most = true,
+                     .quick = 4,
+                     .full = 5,
+                     .value = {2, 5, 10, 20, BANK_MAX_SWEEPS},
+                     .of_scene = sweeps_of,
+                     .apply = set_sweeps,
+                     .format = "at most %.0f sweeps"},
+    [KNOB_ROW_WORK] = {.name = "row_work",
+                       .legend = "row work",
+                       .what =
+                           "thousands of units of work on rows of the bank in one tick; 0: as the scene's budget of "
+                           "instructions leaves",
+                       .stage = STAGE_CONTROLLER,
+                       .best_is_most = true,
+                       .quick = 1,
+                       .full = 5,
+                       .value = {3, 10, 30, 100, 200},
+                       .of_scene = none,
+                       .format = "%.0f thousand units of row work",
+                       .at = {"row work as the budget leaves", "1 thousand units of row work"}},
+    [KNOB_RATE] = {.name = "rate_Hz",
+                   .legend = "tick rate",
+                   .what = "ticks per second; between them the force is held",
+                   .stage = STAGE_CONTROLLER,
+                   .best_is_most = true,
+                   .quick = 1,
+                   .full = 4,
+                   .value = {500, 250, 125, TICK_RATE_HZ},
+                   .of_scene = tick_rate,
+                   .format = "%.0f Hz"},
 };
 
 struct setting knob_scene(const struct scene *scene)
 {
-    return (struct setting){.value = {
-                                [KNOB_ORDER] = scene->order == ELEMENT_QUADRATIC ? 2 : 1,
-                                [KNOB_REFINE] = 0,
-                                [KNOB_STEP] = COMPRESSION_STEP,
-                                [KNOB_POINTS] = scene->instrument[0].tip_points,
-                                [KNOB_STEPS] = scene->solver_steps ? scene->solver_steps : BANK_MAX_SOLVER_STEPS,
-                                [KNOB_SWEEPS] = worst_tick_sweeps(scene),
-                                [KNOB_RATE] = TICK_RATE_HZ,
-                            }};
+    struct setting setting;
+    for (int k = 0; k < KNOBS; k++)
+        setting.value[k] = knob_table[k].of_scene(scene);
+    return setting;
 }
 
 void knob_apply(const struct setting *setting, struct scene *scene)
 {
-    for (size_t i = 0; i < scene->instrument_count; i++)
-        scene->instrument[i].tip_points = (unsigned)setting->value[KNOB_POINTS];
-    scene->order = setting->value[KNOB_ORDER] == 2 ? ELEMENT_QUADRATIC : ELEMENT_LINEAR;
-    scene->solver_steps = (unsigned)setting->value[KNOB_STEPS];
-    if (setting->value[KNOB_SWEEPS] > 0)
-        scene->effects.friction.sweeps = (unsigned)setting->value[KNOB_SWEEPS];
+    for (int k = 0; k < KNOBS; k++)
+        if (knob_table[k].apply)
+            knob_table[k].apply(setting->value[k], scene);
 }
 
 bool knob_acts(enum knob knob, const struct setting *base)
@@ -97,32 +220,12 @@ struct setting knob_reference(const struct setting *setting)
 
 void knob_value_text(enum knob knob, double value, char *text, size_t room)
 {
-    static const char *const format[KNOBS] = {
-        [KNOB_REFINE] = "each tetrahedron split %.0f times",
-        [KNOB_STEP] = "step %.3g",
-        [KNOB_POINTS] = "%.0f points",
-        [KNOB_STEPS] = "at most %.0f solver steps",
-        [KNOB_RATE] = "%.0f Hz",
-        [KNOB_SWEEPS] = "at most %.0f sweeps",
-    };
-    if (value == 1 && knob == KNOB_POINTS)
-        snprintf(text, room, "1 point");
-    else if (value == 1 && knob == KNOB_STEPS)
-        snprintf(text, room, "1 solver step");
-    else if (value == 1 && knob == KNOB_REFINE)
-        snprintf(text, room, "refined once");
-    else if (knob == KNOB_ORDER)
-        snprintf(text, room, value == 2 ? "quadratic" : "linear");
-    else if (value == 0 && knob == KNOB_STEP)
-        snprintf(text, room, "not compressed");
-    else if (value == 0 && knob == KNOB_REFINE)
-        snprintf(text, room, "the mesh as it is");
-    else {
+    const struct knob_info *info = &knob_table[knob];
+    const char *word = value == 0 || value == 1 || value == 2 ? info->at[(int)value] : NULL;
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wformat-nonliteral"
-        snprintf(text, room, format[knob], value);
+    snprintf(text, room, word ? word : info->format, value);
 #pragma GCC diagnostic pop
-    }
 }
 
 void knob_name(const struct setting *setting, const struct setting *base, char *text, size_t room)

@@ -10,7 +10,19 @@
 
 #include "scene.h"
 
-enum knob { KNOB_ORDER, KNOB_REFINE, KNOB_STEP, KNOB_POINTS, KNOB_STEPS, KNOB_SWEEPS, KNOB_RATE, KNOBS };
+/* A new knob is a name here, body before bank before controller, and a line of the table in knob.c. */
+enum knob {
+    KNOB_ORDER,
+    KNOB_REFINE,
+    KNOB_EFFECTS,
+    KNOB_STEP,
+    KNOB_POINTS,
+    KNOB_STEPS,
+    KNOB_SWEEPS,
+    KNOB_ROW_WORK,
+    KNOB_RATE,
+    KNOBS
+};
 enum stage { STAGE_BODY, STAGE_BANK, STAGE_CONTROLLER };
 enum { KNOB_MAX_VALUES = 10 };
 
@@ -19,12 +31,16 @@ struct setting {
 };
 
 struct knob_info {
-    const char *name; /* one word, for JSON */
-    const char *what; /* what turning it does, one clause */
+    const char *name;   /* one word, for JSON */
+    const char *legend; /* of its marks in a plot */
+    const char *what;   /* what turning it does, one clause */
     enum stage stage;
     bool best_is_most;  /* the most accurate value is the largest */
     size_t quick, full; /* how many of `value` are measured */
     double value[KNOB_MAX_VALUES];
+    double (*of_scene)(const struct scene *scene);    /* what the scene asks for */
+    void (*apply)(double value, struct scene *scene); /* NULL: no matter of the scene's */
+    const char *format, *at[3];                       /* in words; those of 0, 1, 2 where they differ, else NULL */
 };
 extern const struct knob_info knob_table[KNOBS];
 

@@ -3,11 +3,12 @@
 #include <math.h>
 #include <string.h>
 
-enum { WIDTH = 760, HEIGHT = 420, LEFT = 84, RIGHT = 44, TOP = 40, BOTTOM = 96 };
+enum { WIDTH = 760, HEIGHT = 420, LEFT = 92, RIGHT = 44, TOP = 40, BOTTOM = 96 };
 
-/* Colour-blind safe (Okabe and Ito 2008). */
-static const char *const colour[PLOT_MAX_SERIES] = {"#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7",
-                                                    "#56b4e9", "#e69f00", "#f0e442", "#8a6d00"};
+/* Colour-blind safe (Okabe and Ito 2008); the first is the text's. */
+static const char *const colour[PLOT_MAX_SERIES] = {"currentColor", "#0072b2", "#d55e00", "#009e73",
+                                                    "#cc79a7",      "#56b4e9", "#e69f00", "#f0e442",
+                                                    "#8a6d00",      "#7f7f7f", "#b15928"};
 
 void plot_escape(FILE *out, const char *text)
 {
@@ -136,7 +137,7 @@ static void axes(FILE *out, const struct plot *plot)
     fprintf(out, "<text class=\"label\" x=\"%d\" y=\"%d\" text-anchor=\"middle\">", (LEFT + WIDTH - RIGHT) / 2,
             HEIGHT - BOTTOM + 38);
     plot_escape(out, plot->x.label);
-    fprintf(out, "</text>\n<text class=\"label\" transform=\"translate(16 %d) rotate(-90)\" text-anchor=\"middle\">",
+    fprintf(out, "</text>\n<text class=\"label\" transform=\"translate(14 %d) rotate(-90)\" text-anchor=\"middle\">",
             (TOP + HEIGHT - BOTTOM) / 2);
     plot_escape(out, plot->y.label);
     fputs("</text>\n", out);
@@ -203,16 +204,34 @@ static void legend(FILE *out, const struct plot *plot)
     }
 }
 
+/* The ring of a mark on the front, and its label: to the right, where the line leaves room above it; at the right edge to
+ * the left. */
+static void ring(FILE *out, const struct plot *plot, const struct plot_mark *m)
+{
+    double x = px(plot, m->x), y = py(plot, m->y), width = 6.2 * (double)strlen(m->label);
+    bool left = x + 14 + width > WIDTH - 4;
+    fprintf(out, "<circle class=\"ring\" cx=\"%.1f\" cy=\"%.1f\" r=\"9\"/>", x, y);
+    if (!*m->label)
+        return;
+    fprintf(out, "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", left ? x - 14 : x + 12,
+            left ? y + 4 : y - 9, left ? "end" : "start");
+    plot_escape(out, m->label);
+    fputs("</text>", out);
+}
+
 void plot_svg(FILE *out, const struct plot *plot, bool standalone)
 {
     fprintf(out, "<svg%s viewBox=\"0 0 %d %d\" width=\"%d\" role=\"img\">\n",
             standalone ? " xmlns=\"http://www.w3.org/2000/svg\"" : "", WIDTH, HEIGHT, WIDTH);
     if (standalone)
-        fputs("<style>svg{background:#fff;font:13px "
-              "system-ui,sans-serif;fill:#222}.grid{stroke:#ddd}.tick{font-size:12px}"
-              ".front{fill:none;stroke:#888;stroke-width:1.5;stroke-dasharray:5 4}"
-              ".ring{fill:none;stroke:#888;stroke-width:1.5}.head{font-size:15px;font-weight:600}</style>\n",
-              out);
+        fputs(
+            "<style>svg{background:#fff;font:13px "
+            "system-ui,sans-serif;fill:#222}.grid{stroke:#ddd}.tick{font-size:12px}"
+            ".front{fill:none;stroke:#888;stroke-width:1.5;stroke-dasharray:5 4}"
+            ".ring{fill:none;stroke:#888;stroke-width:1.5}.head{font-size:15px;font-weight:600}"
+            "@media(prefers-color-scheme:dark){svg{background:#181818;color:#e6e6e6;fill:#e6e6e6}.grid{stroke:#3a3a3a}"
+            ".front,.ring{stroke:#aaa}}</style>\n",
+            out);
     fprintf(out, "<text class=\"head\" x=\"%d\" y=\"22\">", LEFT);
     plot_escape(out, plot->title);
     fputs("</text>\n", out);
@@ -229,7 +248,7 @@ void plot_svg(FILE *out, const struct plot *plot, bool standalone)
         plot_escape(out, m->title);
         fputs("</title>", out);
         if (m->front)
-            fprintf(out, "<circle class=\"ring\" cx=\"%.1f\" cy=\"%.1f\" r=\"9\"/>", px(plot, m->x), py(plot, m->y));
+            ring(out, plot, m);
         fprintf(out, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"5\" fill=\"%s\"/></g>\n", px(plot, m->x), py(plot, m->y),
                 colour[m->series]);
     }

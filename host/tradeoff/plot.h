@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
-enum { PLOT_MAX_TICKS = 40, PLOT_MAX_SERIES = 9 };
+enum { PLOT_MAX_TICKS = 40, PLOT_MAX_SERIES = 11 };
 
 enum plot_unit { PLOT_NUMBER, PLOT_PERCENT, PLOT_BYTES };
 
@@ -25,6 +25,7 @@ struct plot_mark {
     bool front;
     int series; /* 0 .. PLOT_MAX_SERIES - 1 */
     char title[300];
+    char label[100]; /* beside the mark when it is on the front; may be empty */
 };
 
 struct plot {
@@ -40,7 +41,7 @@ struct plot {
 bool plot_scale(struct plot *plot);
 /* The value with its unit, as the axis shows it. */
 void plot_value_text(enum plot_unit unit, double value, char *text, size_t room);
-/* `standalone`: a file of its own, with the XML namespace and its own colours. */
+/* `standalone`: a file of its own, with the XML namespace and its own colours, for light and dark pages. */
 void plot_svg(FILE *out, const struct plot *plot, bool standalone);
 /* Text with &, <, > and " escaped. */
 void plot_escape(FILE *out, const char *text);

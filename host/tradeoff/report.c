@@ -12,11 +12,13 @@ const char *const report_note[REPORT_NOTES] = {
     "patches of 3 to 10, two tools, and the displacement of the whole surface. p95 is exceeded by 5 % of the sets.",
     "Tick errors: the force of every tick of the recording against " TRADEOFF_TICK_REFERENCE
     "; relative to the largest force.",
-    "Errors of different references are not added. Neither contains the error of the mesh itself or of linear "
-    "elasticity.",
+    "Mesh errors: the stiffness against " TRADEOFF_MESH_REFERENCE
+    "; the mean under the scene's and under one of 20 mm radius; - for the reference itself.",
+    "Errors of different references are not added. None contains the error of linear elasticity.",
     "Instructions: counted by callgrind on the native controller, per tick in contact; of this machine's processor, "
     "not of "
     "a controller's.",
+    "M7 bound: no tick of a Cortex-M7 takes more instructions; all points touch and the solver takes all its steps.",
     "Nanoseconds: of this machine, median over runs, with whatever else it was doing.",
     "At a lower rate the force is held between ticks; the controller of this version ticks at 1000 Hz, so the lower "
     "rates "
@@ -39,6 +41,9 @@ COLUMN(two, p->bank[COMPRESSION_ERROR_TWO].p95)
 COLUMN(field, p->bank[COMPRESSION_ERROR_FIELD].p95)
 COLUMN(tick_p95, p->tick_p95)
 COLUMN(tick_max, p->tick_max)
+COLUMN(mesh_own, p->mesh[0].mean)
+COLUMN(mesh_wide, p->mesh[1].mean)
+COLUMN(worst_bound, p->worst_bound)
 COLUMN(instructions_mean, p->instructions_mean)
 COLUMN(instructions_max, p->instructions_max)
 COLUMN(load_max, p->load_max)
@@ -57,8 +62,11 @@ const struct report_column report_column[] = {
     {"field", "p95", PLOT_PERCENT, field},
     {"tick", "p95", PLOT_PERCENT, tick_p95},
     {"tick", "max", PLOT_PERCENT, tick_max},
+    {"mesh", "tool", PLOT_PERCENT, mesh_own},
+    {"mesh", "wide tool", PLOT_PERCENT, mesh_wide},
     {"instr.", "mean", PLOT_NUMBER, instructions_mean},
     {"instr.", "worst", PLOT_NUMBER, instructions_max},
+    {"M7 bound", "instr.", PLOT_NUMBER, worst_bound},
     {"load/ms", "worst", PLOT_NUMBER, load_max},
     {"time", "ns, mean", PLOT_NUMBER, ns_mean},
     {"time", "ns, worst", PLOT_NUMBER, ns_max},
@@ -138,11 +146,11 @@ bool report_plot(const struct tradeoff *r, int which, struct plot *plot)
     bool time = which == 0;
     *plot = (struct plot){
         .title = time ? "Force error against time" : "Force error against the bank's size",
-        .x = {.label = !time                   ? "bytes of the bank"
+        .x = {.label = !time                   ? "bytes of the bank, everything included"
                        : r->instructions_known ? "instructions in the worst millisecond"
                                                : "nanoseconds of the worst tick, on this machine",
               .unit = time ? PLOT_NUMBER : PLOT_BYTES},
-        .y = {.label = time ? "tick error, p95" : "patch error, p95", .unit = PLOT_PERCENT},
+        .y = {.label = time ? "tick error, p95" : "patch error of the force, p95", .unit = PLOT_PERCENT},
         .count = r->points,
         .mark = calloc(r->points + 1, sizeof *plot->mark),
     };
@@ -160,11 +168,12 @@ bool report_plot(const struct tradeoff *r, int which, struct plot *plot)
         m->series = series_of(r, i);
         plot_value_text(plot->x.unit, m->x, x, sizeof x);
         plot_value_text(plot->y.unit, m->y, y, sizeof y);
+        snprintf(m->label, sizeof m->label, "%.99s", p->name);
         snprintf(m->title, sizeof m->title, "%s: %s, error %s", p->name, x, y);
         plot->series[m->series] = m->series == 0 ? "as the scene says"
                                   : m->series == PLOT_MAX_SERIES - 1 || m->series > KNOBS
                                       ? "several knobs"
-                                      : knob_table[m->series - 1].name;
+                                      : knob_table[m->series - 1].legend;
     }
     bool good = plot_scale(plot);
     if (!good) {

@@ -74,8 +74,9 @@ static void page(FILE *out, const struct tradeoff *r)
     fprintf(out, ", %.0f surface nodes; gesture ", r->points ? r->point[0].surface_nodes : 0);
     plot_escape(out, r->gesture);
     fprintf(out,
-            ", %.0f ticks, %.0f of them in contact; %.0f random contact sets of each kind; measured in %.4g s</p>\n",
-            r->ticks, r->contact_ticks, r->trials, r->seconds);
+            ", %.0f ticks, %.0f of them in contact; %.0f random contact sets of each kind; mesh error at %.0f sites "
+            "under tools of %.4g and %.4g m radius; measured in %.4g s</p>\n",
+            r->ticks, r->contact_ticks, r->trials, r->sites, r->tool_radius_m[0], r->tool_radius_m[1], r->seconds);
     fputs("<h2>What to pick</h2>\n<ul>\n", out);
     for (size_t k = 0; k < r->advices; k++) {
         fputs("<li>", out);

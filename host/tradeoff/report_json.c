@@ -51,6 +51,16 @@ static struct json_object *point(const struct tradeoff_point *p)
     number(ticks, "p95", p->tick_p95);
     number(ticks, "max", p->tick_max);
     json_object_object_add(o, "tick_error", ticks);
+    struct json_object *mesh = json_object_new_object();
+    static const char *const tool[MESH_ERROR_RADII] = {"tool", "wide_tool"};
+    for (int k = 0; k < MESH_ERROR_RADII; k++) {
+        struct json_object *under = json_object_new_object();
+        number(under, "mean", p->mesh[k].mean);
+        number(under, "max", p->mesh[k].max);
+        json_object_object_add(mesh, tool[k], under);
+    }
+    json_object_object_add(o, "mesh_error", mesh);
+    number(o, "worst_tick_instructions", p->worst_bound);
     number(o, "instructions_mean", p->instructions_mean);
     number(o, "instructions_max", p->instructions_max);
     number(o, "instructions_per_ms_mean", p->load_mean);
@@ -102,7 +112,10 @@ static struct json_object *advices(const struct tradeoff *r)
     for (size_t k = 0; k < r->advices; k++) {
         const struct tradeoff_advice *a = &r->advice[k];
         struct json_object *o = json_object_new_object();
-        number(o, a->bytes ? "bytes" : "instructions_per_ms", a->limit);
+        if (a->of == BUDGET_SCENE)
+            text(o, "of", "the scene's budget");
+        else
+            number(o, a->of == BUDGET_BYTES ? "bytes" : "instructions_per_ms", a->limit);
         json_object_object_add(o, "point", a->pick < r->points ? json_object_new_int64((int64_t)a->pick) : NULL);
         text(o, "text", a->text);
         json_object_array_add(list, o);
@@ -126,6 +139,15 @@ int report_json(FILE *out, const struct tradeoff *r, struct failure *why)
     number(root, "seed", r->seed);
     text(root, "bank_error_reference", COMPRESSION_ERROR_REFERENCE);
     text(root, "tick_error_reference", TRADEOFF_TICK_REFERENCE);
+    text(root, "mesh_error_reference", TRADEOFF_MESH_REFERENCE);
+    number(root, "mesh_error_sites", r->sites);
+    number(root, "tool_radius_m", r->tool_radius_m[0]);
+    number(root, "wide_tool_radius_m", r->tool_radius_m[1]);
+    struct json_object *budget = json_object_new_object();
+    number(budget, "bytes", r->budget_bytes);
+    number(budget, "instructions", r->budget_instructions);
+    number(budget, "force_error", tradeoff_round(r->budget_force_error));
+    json_object_object_add(root, "scene_budget", budget);
     json_object_object_add(root, "instructions_reason",
                            r->instructions_known ? NULL : json_object_new_string(r->instructions_reason));
     number(root, "left_out", r->left_out);

@@ -7,9 +7,12 @@
 
 #include "candidate.h"
 #include "count.h"
+#include "mesh_error.h"
 #include "node.h"
 #include "progress.h"
 #include "recording.h"
+#include "row.h"
+#include "worst_tick.h"
 
 enum { QUICK_TRIALS = 60, FULL_TRIALS = 400, QUICK_RUNS = 3, FULL_RUNS = 9 };
 
@@ -29,6 +32,8 @@ struct bench {
     struct candidate bank;
     struct recording recording;
     struct replay reference; /* of the body at hand */
+    struct mesh_truth truth;
+    struct mesh_error mesh_error[MESH_ERROR_RADII]; /* of the body at hand */
 };
 
 double tradeoff_round(double value)
@@ -58,7 +63,7 @@ static double plan_weight(const struct plan *plan)
 }
 
 /* What the quick form measures: one short stroke. */
-static const char stroke[] = "approach 0.1 s\npress 8 mm in 0.15 s\nslide 8 mm 0 mm in 0.2 s\n";
+static const char stroke[] = "approach 0.06 s\npress 8 mm in 0.1 s\nslide 6 mm 0 mm in 0.1 s\n";
 
 static int make_recording(struct bench *b, const struct candidate *plain, struct failure *why)
 {
@@ -95,6 +100,24 @@ static int make_reference(struct bench *b, struct failure *why)
     return status;
 }
 
+/* The truth is that of the first body's mesh, which is the scene's. */
+static int judge_mesh(struct bench *b, const struct setting *setting, struct failure *why)
+{
+    struct body *body = &b->body.body;
+    for (int r = 0; r < MESH_ERROR_RADII; r++)
+        b->mesh_error[r] = (struct mesh_error){NAN, NAN};
+    const double radius_m[MESH_ERROR_RADII] = {b->scene.instrument[0].tip_radius_m, TRADEOFF_WIDE_TOOL_m};
+    int status = STATUS_OK;
+    if (b->truth.radius_m[0] == 0)
+        status = mesh_truth_make(body, radius_m, b->options->seed, &b->truth, why);
+    if (status == STATUS_MEMORY) { /* then it is not known */
+        b->truth.sites = 0;
+        return STATUS_OK;
+    }
+    bool is_the_truth = setting->value[KNOB_REFINE] == 1 && setting->value[KNOB_ORDER] == 2;
+    return status || is_the_truth ? status : mesh_error_measure(&b->truth, body, b->mesh_error, why);
+}
+
 static int enter_body(struct bench *b, const struct setting *setting, struct failure *why)
 {
     if (b->reference_open)
@@ -106,8 +129,11 @@ static int enter_body(struct bench *b, const struct setting *setting, struct fai
     if (status)
         return status;
     b->body_open = true;
-    b->scene = b->body.body.scene;
-    status = make_reference(b, why);
+    if (!b->recorded) /* the first body places the instruments */
+        b->scene = b->body.body.scene;
+    status = judge_mesh(b, setting, why);
+    if (!status)
+        status = make_reference(b, why);
     step_done(b, STAGE_BODY);
     return status;
 }
@@ -140,6 +166,10 @@ static void describe_bank(const struct bench *b, struct tradeoff_point *p)
         for (int c = 0; c < 4; c++)
             p->section[k].tag[c] = (char)(v->sections[k].tag >> (8 * c));
         p->section[k].bytes = v->sections[k].length;
+    }
+    for (int k = 0; k < MESH_ERROR_RADII; k++) {
+        p->mesh[k].mean = tradeoff_round(b->mesh_error[k].mean);
+        p->mesh[k].max = tradeoff_round(b->mesh_error[k].max);
     }
     for (int k = 0; k < COMPRESSION_ERROR_KINDS; k++) {
         p->bank[k].p95 = tradeoff_round(b->bank.error.of[k].p95);
@@ -186,6 +216,9 @@ static int measure_ticks(struct bench *b, const struct setting *setting, struct 
         p->factors = replay.factors_max;
         p->cut = replay.solver_cuts;
         p->waits = replay.waits;
+        unsigned sweeps = worst_tick_sweeps(&b->body.body.scene) ? (unsigned)setting->value[KNOB_SWEEPS] : 0;
+        p->worst_bound = tradeoff_round(worst_tick(b->bank.view.contact, sweeps, (unsigned)setting->value[KNOB_POINTS],
+                                                   row_max_blocks(&b->bank.view)));
         p->state_bytes = (double)(sizeof(struct node) + row_cache_memory(&b->bank.view));
         double per_ms = setting->value[KNOB_RATE] / 1000;
         p->instructions_mean = count.known ? tradeoff_round(count.mean) : NAN;
@@ -266,6 +299,12 @@ static void describe(struct bench *b)
     for (size_t t = 0; t < b->reference.ticks; t++)
         r->contact_ticks += b->reference.contacts[t] > 0;
     r->seed = (double)b->options->seed;
+    r->sites = (double)b->truth.sites;
+    for (int k = 0; k < MESH_ERROR_RADII; k++)
+        r->tool_radius_m[k] = tradeoff_round(b->truth.radius_m[k]);
+    r->budget_bytes = b->scene.budget_bank_bytes;
+    r->budget_instructions = b->scene.budget_instructions;
+    r->budget_force_error = b->scene.budget_force_error;
     r->seconds = tradeoff_round(seconds_now() - b->started_s);
 }
 

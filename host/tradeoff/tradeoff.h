@@ -6,6 +6,7 @@
  *           same discretisation in double precision (compression_error.h)
  *   tick    the force of every tick of the recording: against the controller with every knob at its most accurate value on
  *           the plain bank (float32) of the same discretisation; relative to the largest force
+ *   mesh    the stiffness under a tool of the scene's radius, and of 20 mm: against the scene's mesh refined once, quadratic (mesh_error.h)
  * No error of one reference is added to another's. */
 #ifndef TROCAR_TRADEOFF_H
 #define TROCAR_TRADEOFF_H
@@ -17,9 +18,16 @@
 #include "bank_format.h"
 #include "compression_error.h"
 #include "knob.h"
+#include "mesh_error.h"
 
 #define TRADEOFF_TICK_REFERENCE                                                                                        \
     "the same discretisation's plain bank with the controller at its most accurate setting, tick by tick"
+
+#define TRADEOFF_MESH_REFERENCE                                                                                        \
+    "the scene's mesh with every tetrahedron cut into eight, quadratic, under a tool of the scene's radius at random " \
+    "sites"
+
+#define TRADEOFF_WIDE_TOOL_m 0.02
 
 struct tradeoff_options {
     bool quick, quiet;
@@ -44,6 +52,9 @@ struct tradeoff_point {
     struct section_size section[BANK_MAX_SECTIONS];
     struct error_figures bank[COMPRESSION_ERROR_KINDS];
     double tick_p95, tick_max;
+    struct mesh_error
+        mesh[MESH_ERROR_RADII]; /* under the scene's tool and a wide one; NAN too for the reference itself */
+    double worst_bound;         /* instructions of a Cortex-M7's worst tick at most: worst_tick.h */
     double instructions_mean, instructions_max; /* per tick in contact */
     double load_mean, load_max;                 /* instructions per millisecond: the same times the rate */
     double ns_mean, ns_max;
@@ -55,8 +66,10 @@ struct tradeoff_point {
         front_bytes; /* on the Pareto front of load_max (or ns_max) and tick_p95; of bytes and the patch error */
 };
 
+enum tradeoff_budget { BUDGET_BYTES, BUDGET_INSTRUCTIONS, BUDGET_SCENE };
+
 struct tradeoff_advice {
-    bool bytes; /* of a budget of bytes, else of instructions */
+    enum tradeoff_budget of; /* BUDGET_SCENE: all that the scene's budget says */
     double limit;
     size_t pick; /* a point; `points` of the result when none is within */
     char text[400];
@@ -67,7 +80,9 @@ struct tradeoff {
     char scene[64], mesh[256], gesture[64], instructions_reason[200];
     bool quick, instructions_known;
     double seconds, ticks, contact_ticks, trials, left_out, seed;
-    char left_out_why[600]; /* of the first setting that was left out */
+    double tool_radius_m[MESH_ERROR_RADII], sites;                /* of the mesh error; 0 sites: not measured */
+    double budget_bytes, budget_instructions, budget_force_error; /* of the scene; 0: none */
+    char left_out_why[600];                                       /* of the first setting that was left out */
     size_t points;
     struct tradeoff_point *point; /* malloc; the first is what the scene says */
     size_t advices;

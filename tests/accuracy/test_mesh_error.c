@@ -12,57 +12,10 @@
  *
  * Short form: a small liver at one nu, whose elements are to the tool what the thesis' are. TROCAR_LONG=1: an ovoid, a
  * cylinder and a liver of the thesis' size, nu = 0.3 .. 0.4999; a table. */
-#include "patch.h"
+#include "mesh_error.h"
 #include "refine.h"
 
 enum { SITES = 12 };
-
-static double tool_compliance(struct specimen *s, struct model *model, const struct patch *tool, const double normal[3])
-{
-    struct failure why;
-    size_t n = model_unknowns(model);
-    double *f = room(n * sizeof *f), *u = room(n * sizeof *u), sum = 0;
-    (void)s;
-    for (size_t k = 0; k < tool->count; k++)
-        for (int a = 0; a < 3; a++)
-            model_load(model, tool->vertex[k], a, tool->weight[k] * normal[a], f);
-    must(model_solve(model, 1, f, u, &why), &why);
-    for (size_t k = 0; k < tool->count; k++)
-        for (int a = 0; a < 3; a++)
-            sum += tool->weight[k] * normal[a] * model_displacement(model, tool->vertex[k], a, u);
-    free(f);
-    free(u);
-    return sum;
-}
-
-static void centre_of(const struct specimen *s, uint32_t triangle, double centre[3])
-{
-    for (size_t a = 0; a < 3; a++) {
-        centre[a] = 0;
-        for (size_t k = 0; k < 3; k++)
-            centre[a] +=
-                s->mesh.nodes[3 * (size_t)s->surface.node[s->surface.triangles[3 * (size_t)triangle + k]] + a] / 3;
-    }
-}
-
-/* The part of a cut triangle that has the same centre. */
-static uint32_t same_centre(const struct specimen *fine, const double centre[3])
-{
-    double least = INFINITY;
-    uint32_t best = 0;
-    for (uint32_t t = 0; t < fine->surface.triangle_count; t++) {
-        double c[3], d = 0;
-        centre_of(fine, t, c);
-        for (int a = 0; a < 3; a++)
-            d += (c[a] - centre[a]) * (c[a] - centre[a]);
-        if (d < least) {
-            least = d;
-            best = t;
-        }
-    }
-    assert_true(least < 1e-20);
-    return best;
-}
 
 static const double MIDDLE[3] = {1.0 / 3, 1.0 / 3, 1.0 / 3};
 
@@ -106,16 +59,20 @@ static struct errors measure(struct specimen *s, const char *name, double nu)
         uint32_t t = (uint32_t)(draw(&seed) * (double)s->surface.triangle_count);
         if (!is_free(s, model_fixed_vertices(model[0]), t))
             continue;
-        double centre[3];
-        centre_of(s, t, centre);
-        uint32_t t_fine = same_centre(&fine, centre);
+        double centre[3], same[3];
+        triangle_centre(&s->mesh, &s->surface, t, centre);
+        uint32_t t_fine = triangle_at(&fine.mesh, &fine.surface, centre);
+        triangle_centre(&fine.mesh, &fine.surface, t_fine, same);
+        assert_true(hypot(hypot(same[0] - centre[0], same[1] - centre[1]), same[2] - centre[2]) < 1e-10);
         for (int r = 0; r < 2; r++) {
             struct patch tool, fine_tool;
             must(patch_create(&s->mesh, &s->surface, t, MIDDLE, radius[r], &tool, &why), &why);
             must(patch_create(&fine.mesh, &fine.surface, t_fine, MIDDLE, radius[r], &fine_tool, &why), &why);
-            double truth = tool_compliance(&fine, fine.model, &fine_tool, fine_tool.normal);
+            double truth, own;
+            must(tool_compliance(fine.model, &fine_tool, fine_tool.normal, &truth, &why), &why);
             for (int order = 0; order < 2; order++) {
-                double error = truth / tool_compliance(s, model[order], &tool, fine_tool.normal) - 1;
+                must(tool_compliance(model[order], &tool, fine_tool.normal, &own, &why), &why);
+                double error = truth / own - 1;
                 errors.mean[order][r] += error / SITES;
                 if (fabs(error) > fabs(errors.worst[order][r]))
                     errors.worst[order][r] = error;

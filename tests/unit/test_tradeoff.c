@@ -83,7 +83,7 @@ static void judging_marks_fronts_and_advises_what_fits(void **state)
     assert_true(r.point[0].front_time && r.point[1].front_time && r.point[2].front_time);
     for (size_t k = 0; k < r.advices; k++) {
         const struct tradeoff_advice *a = &r.advice[k];
-        const double *cost = a->bytes ? bytes : load, *error = a->bytes ? patch : ticks;
+        const double *cost = a->of == BUDGET_BYTES ? bytes : load, *error = a->of == BUDGET_BYTES ? patch : ticks;
         size_t want = 3;
         for (size_t i = 0; i < 3; i++)
             if (cost[i] <= a->limit && (want == 3 || error[i] < error[want]))
@@ -93,6 +93,45 @@ static void judging_marks_fronts_and_advises_what_fits(void **state)
     }
     assert_true(r.advices >= 8);
     tradeoff_free(&r);
+}
+
+/* Against the definition in advice.c, by trying every setting. */
+static void the_scenes_budget_is_honoured(void **state)
+{
+    (void)state;
+    struct failure why = {0};
+    random_seed("budgets", 41);
+    for (int n = 0; n < 300; n++) {
+        enum { COUNT = 8 };
+        struct tradeoff r = {.points = COUNT, .point = calloc(COUNT, sizeof *r.point)};
+        unsigned limited = random_below(8);
+        r.budget_bytes = limited & 1 ? 1000 * (1 + random_below(9)) : 0;
+        r.budget_instructions = limited & 2 ? 1000 * (1 + random_below(9)) : 0;
+        r.budget_force_error = limited & 4 ? 0.001 * (1 + random_below(9)) : 0;
+        size_t want = COUNT;
+        for (size_t i = 0; i < COUNT; i++) {
+            struct tradeoff_point *p = &r.point[i];
+            snprintf(p->name, sizeof p->name, "setting %c", (char)('A' + (char)i));
+            p->bytes = 1000 * (1 + random_below(9)) + (unsigned)i;
+            p->worst_bound = 1000 * (1 + random_below(9));
+            p->bank[COMPRESSION_ERROR_PATCH].p95 = 0.001 * (1 + random_below(9)) + 1e-7 * (double)i;
+            bool kept = (!(limited & 1) || p->bytes <= r.budget_bytes) &&
+                        (!(limited & 2) || p->worst_bound <= r.budget_instructions) &&
+                        (!(limited & 4) || p->bank[COMPRESSION_ERROR_PATCH].p95 <= r.budget_force_error);
+            bool smallest = (limited & 4) && !(limited & 1);
+            if (kept && (want == COUNT || (smallest ? p->bytes < r.point[want].bytes
+                                                    : p->bank[COMPRESSION_ERROR_PATCH].p95 <
+                                                          r.point[want].bank[COMPRESSION_ERROR_PATCH].p95)))
+                want = i;
+        }
+        assert_int_equal(tradeoff_judge(&r, &why), STATUS_OK);
+        assert_true((r.advice[0].of == BUDGET_SCENE) == (limited != 0));
+        if (limited) {
+            assert_int_equal(r.advice[0].pick, want);
+            assert_non_null(strstr(r.advice[0].text, want == COUNT ? "nothing that was measured" : r.point[want].name));
+        }
+        tradeoff_free(&r);
+    }
 }
 
 static void every_setting_of_a_plan_is_there_once_and_neighbours_share_what_they_can(void **state)
@@ -212,6 +251,7 @@ int main(void)
         cmocka_unit_test(nothing_beats_the_front_and_all_else_is_beaten),
         cmocka_unit_test(the_pick_within_a_limit_is_the_best_that_fits),
         cmocka_unit_test(judging_marks_fronts_and_advises_what_fits),
+        cmocka_unit_test(the_scenes_budget_is_honoured),
         cmocka_unit_test(every_setting_of_a_plan_is_there_once_and_neighbours_share_what_they_can),
         cmocka_unit_test(axes_hold_all_marks_and_ticks_rise),
         cmocka_unit_test(a_refined_mesh_fills_the_same_body_with_eight_times_the_elements),
