@@ -222,6 +222,15 @@ struct bank_friction {
     uint32_t reserved[2]; /* 0 */
 };
 
+/* GRSP, present exactly when the effect grasp is named, count = 1: jaws that hold. */
+#define BANK_GRSP     BANK_TAG('G', 'R', 'S', 'P')
+#define BANK_MAX_GRIP 63 /* the grip's count on the bus has 6 bits; larger is more closed */
+struct bank_grasp {
+    uint32_t close_count, open_count; /* the jaws close at or above the one, open at or below the other; open < close */
+    float slip_N;                     /* above 0: the most that one point holds */
+    uint32_t sweeps;                  /* 1 .. BANK_MAX_SWEEPS */
+};
+
 /* SWNG, present exactly when the effect swing is named, count = modes: struct bank_swing, then per mode and vertex 3 float32, the
  * mode's share s of the displacement, (m/N)^(1/2): the compliance holds the sum of s s'. */
 #define BANK_SWNG      BANK_TAG('S', 'W', 'N', 'G')

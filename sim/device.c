@@ -85,6 +85,7 @@ static void hand_force(struct device *device, const struct hand *hand, double ti
     hand_target(hand, time_s, target);
     hand_target(hand, time_s + h, next);
     device_velocity(device, velocity);
+    device->grip = hand_grip(hand, time_s);
     for (int i = 0; i < 3; i++)
         device->hand_force_N[i] =
             hand->stiffness_N_m * (target[i] - tip[i]) + hand->damping_Ns_m * ((next[i] - target[i]) / h - velocity[i]);

@@ -39,6 +39,7 @@ const char *device_model_names(void); /* comma-separated, for messages */
 struct hand;
 
 enum {
+    DEVICE_GRIP_CLOSED = 63, /* count of the closed jaws; 0 open */
     DEVICE_SUBSTEP_US = 50,
     DEVICE_SILENCE_US = 10000 /* without a torque frame for so long, the device drops its motors by itself */
 };
@@ -54,6 +55,7 @@ struct device {
     uint32_t commands_received, commands_rejected; /* bad CRC or length */
     uint32_t silence_us;                           /* since the last torque frame, see DEVICE_SILENCE_US */
     uint32_t silences;                             /* times that it dropped its motors because of it */
+    double grip;                                   /* of the jaws, 0 open .. 1 closed */
     double hand_force_N[3];                        /* of the hand on the tip, trocar's frame, for logs */
 };
 

@@ -22,7 +22,8 @@ static void sample(struct device_node *node, struct can_frame_t *reply)
     const struct wire_encoders encoders = {.alpha = counts[0],
                                            .beta = counts[1],
                                            .insertion = counts[2],
-                                           .roll = 512, /* the shaft is not turned, the jaws are not closed */
+                                           .roll = 512, /* the shaft is not turned */
+                                           .grip = (uint16_t)(device->grip * DEVICE_GRIP_CLOSED + 0.5),
                                            .sequence = device->sequence};
     *reply = (struct can_frame_t){.id = WIRE_ENCODERS_ID + node->node_id, .length = WIRE_ENCODERS_LENGTH};
     wire_encoders_pack(reply->data, &encoders);

@@ -29,6 +29,17 @@ static const struct {
              "press 10 mm in 0.4 s\n"
              "hold 3 s\n"
              "retract 0.5 s\n"},
+    {"grasp", "# take hold of the tissue, pull it up and sideways, let go\n"
+              "approach 0.3 s\n"
+              "press 8 mm in 0.4 s\n"
+              "close 0.2 s\n"
+              "press -12 mm in 0.8 s\n"
+              "hold 0.3 s\n"
+              "slide 12 mm 0 mm in 0.5 s\n"
+              "hold 0.3 s\n"
+              "open 0.1 s\n"
+              "hold 0.2 s\n"
+              "retract 0.3 s\n"},
     {"tour", "# a bit of everything\n"
              "approach 0.3 s\n"
              "press 20 mm in 0.5 s\n"

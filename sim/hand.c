@@ -38,6 +38,8 @@ static void place_after(struct place *p, const struct hand_step *step)
         break;
     case HAND_POKE:
     case HAND_HOLD:
+    case HAND_CLOSE:
+    case HAND_OPEN:
         break;
     }
 }
@@ -146,6 +148,29 @@ void hand_target(const struct hand *hand, double time_s, double target_m[3])
     place_point(hand, &p, target_m); /* rounding left a sliver of time behind the last step */
 }
 
+double hand_grip(const struct hand *hand, double time_s)
+{
+    const struct gesture *g = hand->gesture;
+    if (!g || g->count == 0)
+        return 0;
+    double pass_s = pass_duration_s(g), left = time_s > 0 ? time_s : 0, grip = 0;
+    unsigned pass = left >= pass_s * g->repeat ? g->repeat : (unsigned)(left / pass_s);
+    for (size_t i = 0; i < g->count && pass > 0; i++) /* what the last pass left */
+        grip = g->step[i].kind == HAND_CLOSE ? 1 : g->step[i].kind == HAND_OPEN ? 0 : grip;
+    if (pass == g->repeat)
+        return grip;
+    left -= pass * pass_s;
+    for (size_t i = 0; i < g->count && left >= 0; i++) {
+        double duration_s = step_duration_s(&g->step[i]), s = left < duration_s ? minimum_jerk(left / duration_s) : 1;
+        if (g->step[i].kind == HAND_CLOSE)
+            grip += s * (1 - grip);
+        else if (g->step[i].kind == HAND_OPEN)
+            grip -= s * grip;
+        left -= duration_s;
+    }
+    return grip;
+}
+
 /* ---- text ---- */
 
 struct reader {
@@ -220,8 +245,9 @@ static int step_parse(struct reader *r, struct hand_step *step)
         const char *name;
         enum hand_step_kind kind;
         int lengths;
-    } kinds[] = {{"approach", HAND_APPROACH, 0}, {"press", HAND_PRESS, 1}, {"slide", HAND_SLIDE, 2},
-                 {"poke", HAND_POKE, 1},         {"hold", HAND_HOLD, 0},   {"retract", HAND_RETRACT, 0}};
+    } kinds[] = {{"approach", HAND_APPROACH, 0}, {"press", HAND_PRESS, 1},    {"slide", HAND_SLIDE, 2},
+                 {"poke", HAND_POKE, 1},         {"hold", HAND_HOLD, 0},      {"close", HAND_CLOSE, 0},
+                 {"open", HAND_OPEN, 0},         {"retract", HAND_RETRACT, 0}};
     const char *what = r->word[r->next++];
     for (size_t i = 0; i < sizeof kinds / sizeof kinds[0]; i++) {
         if (strcmp(kinds[i].name, what))

@@ -7,6 +7,8 @@
  *   slide 15 mm -5 mm in 1 s  move across by so much along the trocar frame's x and y, from where it is
  *   poke 10 mm in 0.05 s      there and back, so many times as `times N` says (default 1)
  *   hold 0.5 s
+ *   close 0.2 s               the jaws, where the tip is; and
+ *   open 0.2 s
  *   retract 0.3 s             back to the start
  *   repeat N                  the whole gesture again, N times in all; last line
  *
@@ -24,7 +26,16 @@ enum { HAND_MAX_STEPS = 256, HAND_MAX_REPEAT = 100000 };
 #define HAND_STIFFNESS_N_M 400.0 /* a relaxed grip */
 #define HAND_DAMPING_NS_M  8.0
 
-enum hand_step_kind { HAND_APPROACH, HAND_PRESS, HAND_SLIDE, HAND_POKE, HAND_HOLD, HAND_RETRACT };
+enum hand_step_kind {
+    HAND_APPROACH,
+    HAND_PRESS,
+    HAND_SLIDE,
+    HAND_POKE,
+    HAND_HOLD,
+    HAND_CLOSE,
+    HAND_OPEN,
+    HAND_RETRACT
+};
 
 struct hand_step {
     enum hand_step_kind kind;
@@ -40,7 +51,7 @@ struct gesture {
     unsigned repeat;
 };
 
-/* `name` is one of the built-in gestures (press, slide, poke, hold, tour) or a file. Errors name file and line in `message`
+/* `name` is one of the built-in gestures (gesture_names) or a file. Errors name file and line in `message`
  * and return a negative status (STATUS_FILE_OPEN, STATUS_GESTURE_SYNTAX). */
 int gesture_read(const char *name, struct gesture *gesture, char *message, size_t message_size, long *line);
 int gesture_parse(const char *text, const char *name, struct gesture *gesture, char *message, size_t message_size,
@@ -58,5 +69,7 @@ struct hand {
 
 /* Target of the tip in the trocar's frame (Z into the body) at a time of the gesture. */
 void hand_target(const struct hand *hand, double time_s, double target_m[3]);
+/* How far the jaws are closed then, 0 .. 1; open at first. */
+double hand_grip(const struct hand *hand, double time_s);
 
 #endif

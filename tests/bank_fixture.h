@@ -34,6 +34,7 @@ struct bank_fixture_options {
     double tip_radius_m;
     double friction_mu; /* 0: the bank does not name friction */
     unsigned friction_sweeps;
+    double grasp_slip_N;            /* 0: the bank does not name grasping */
     const struct bank_swing *swing; /* with its shapes behind it; NULL: the bank does not name it */
     unsigned branches;              /* 0: the bank does not name viscoelastic */
     struct bank_branch branch[BANK_MAX_BRANCHES];
@@ -356,6 +357,11 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
     if (o->friction_mu > 0) {
         part[parts++] = (struct fixture_part){BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction};
         effects |= EFFECT_FRICTION;
+    }
+    struct bank_grasp grasp = {.close_count = 38, .open_count = 25, .slip_N = (float)o->grasp_slip_N, .sweeps = 20};
+    if (o->grasp_slip_N > 0) {
+        part[parts++] = (struct fixture_part){BANK_GRSP, BANK_REQUIRED, 1, 1, sizeof grasp, &grasp};
+        effects |= EFFECT_GRASP;
     }
     if (o->swing) {
         uint32_t size = (uint32_t)sizeof *o->swing + o->swing->modes * n * 12;

@@ -92,11 +92,14 @@ static inline double cone_reference(const struct cone_problem *p, double *f)
     for (unsigned i = 0; i < size; i++)
         for (unsigned j = 0; j < size; j++)
             A[size * i + j] = p->A[i][j];
-    if (fem_cone(p->m, A, p->d, p->n[0], p->mu, f, &why) != STATUS_OK) {
+    double mu[CONTACT_MAX];
+    for (unsigned c = 0; c < p->m; c++)
+        mu[c] = p->mu;
+    if (fem_cone(p->m, A, p->d, p->n[0], mu, f, &why) != STATUS_OK) {
         printf("# %s\n", why.cause);
         abort();
     }
-    return fem_cone_failure(p->m, A, p->d, p->n[0], p->mu, f);
+    return fem_cone_failure(p->m, A, p->d, p->n[0], mu, f);
 }
 
 #endif

@@ -1,6 +1,7 @@
 /* Contacts whose forces have three components, each kept in its cone: the solver that friction and grasping share.
  *
- *   A_cd = sum_ij w_ci w_dj G_ij + I / k + epsilon I [c = d]         3x3, m/N; symmetric positive definite as a whole
+ *   A_cd = C_cd + I / k + epsilon_c I [c = d],  C_cd = sum_ij w_ci w_dj G_ij;  3x3, m/N; symmetric positive definite as a whole
+ *   epsilon_c = max(epsilon, CONE_SHARE trace(C_cc) / 3)
  *   r_c  = sum_d A_cd f_d - d_c                                      what is left between tool and tissue, m
  *
  * d_c: displacement that the tool asks of the tissue at contact c, m; f_c: force of the tissue on the tool, N; n_c its
@@ -23,7 +24,8 @@
 
 #include "contact.h"
 
-#define CONE_HELD (-1.0f)
+#define CONE_HELD  (-1.0f)
+#define CONE_SHARE 1e-3f /* of a contact's own compliance */
 
 enum {
     CONE_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,
@@ -57,6 +59,9 @@ void cone_assemble(struct cone_system *s, const struct contact_set *set, const s
 
 /* The frame of a contact with this outward unit normal. */
 void cone_frame(struct cone_contact *c, const float normal[3]);
+
+/* What the forces ask of the tissue and the coupling at contact c, sum of A_cd f_d, m. */
+void cone_response(const struct cone_system *s, uint32_t c, float out_m[3]);
 
 /* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. `frame`, mu, wanted_m, force_N,
  * slip_m_N of every contact are set (forces need not be in their cones). Returns whether it came to rest. */

@@ -13,6 +13,9 @@
 #if IF_FRICTION(1) + 0
 #include "effects/friction.h"
 #endif
+#if IF_GRASP(1) + 0
+#include "effects/grasp.h"
+#endif
 #if IF_SWING(1) + 0
 #include "effects/swing.h"
 #endif

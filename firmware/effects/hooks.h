@@ -19,6 +19,7 @@ static inline void effects_place(struct controller *c, const struct bank_view *b
 {
     (void)c, (void)bank, (void)in;
     IF_FRICTION(if (bank->friction) friction_place(&c->friction, bank, &c->contact, &c->collide);)
+    IF_GRASP(if (bank->grasp) grasp_place(&c->grasp, bank, &c->contact, &c->collide, in->grip);)
     IF_SWING(if (bank->swing) swing_place(&c->swing, bank, &c->contact);)
 }
 
@@ -28,6 +29,10 @@ static inline bool effects_push(struct controller *c, const struct bank_view *ba
     (void)c, (void)bank;
     IF_FRICTION(if (bank->friction) {
         friction_push(&c->friction, bank, &c->contact, &c->rows);
+        return true;
+    })
+    IF_GRASP(if (bank->grasp) {
+        grasp_push(&c->grasp, bank, &c->contact, &c->rows, &c->collide);
         return true;
     })
     IF_VISCOELASTIC(if (bank->viscoelastic) {
@@ -57,6 +62,7 @@ static inline void effects_forget(struct controller *c)
 {
     (void)c;
     IF_FRICTION(friction_forget(&c->friction);)
+    IF_GRASP(grasp_forget(&c->grasp);)
     IF_SWING(swing_forget(&c->swing);)
     IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic);)
 }

@@ -15,6 +15,12 @@
 #define IF_FRICTION(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_grasp)
+#define IF_GRASP(...) __VA_ARGS__
+#else
+#define IF_GRASP(...)
+#endif
+
 #if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_swing)
 #define IF_SWING(...) __VA_ARGS__
 #else

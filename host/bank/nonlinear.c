@@ -136,7 +136,7 @@ static double evaluate(const struct nonlinear *n, const double *u, double *force
     const struct model *m = n->model;
     enum element_order order = m->space.order;
     size_t nodes = element_nodes(order);
-    double energy = 0, own[3 * NEO_HOOKEAN_NODES], f[3 * NEO_HOOKEAN_NODES], least = INFINITY;
+    double energy = 0, own[3 * NEO_HOOKEAN_NODES], f[3 * NEO_HOOKEAN_NODES] = {0}, least = INFINITY;
     double block[9 * NEO_HOOKEAN_NODES * NEO_HOOKEAN_NODES];
     if (force)
         memset(force, 0, m->unknowns * sizeof *force);

@@ -3,7 +3,7 @@
 # host on one bus, while the page shows it; print what came out beside an independent finite-element solve.
 #
 # SCENE=name    another scene of host/scenes/demo (default demo), or the path of a scene file
-# GESTURE=name  the hand's gesture (default tour)
+# GESTURE=name  the hand's gesture (default: the built-in one with the scene's name, or tour)
 # PORT=number   of the page
 # HOLD=1        the page stays up afterwards, until Ctrl-C
 # Everything is written to $B/demo.
@@ -21,6 +21,8 @@ if [ ! -f "$file" ]; then
 fi
 name=$(basename "$file" .yaml)
 out=$build/demo
+gesture=${GESTURE:-tour}
+[ -n "${GESTURE-}" ] || ! "$build/trocar" run --print-gesture "$name" >/dev/null 2>&1 || gesture=$name
 mkdir -p "$out"
 
 # The first value behind "KEY" in a file with one JSON object.
@@ -71,7 +73,7 @@ trap : INT # whoever ends HOLD with Ctrl-C still gets the table and the status
 echo 1 >"$out/status"
 {
     status=0
-    "$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "${GESTURE:-tour}" --torque-log "$out/$name.log" \
+    "$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "$gesture" --torque-log "$out/$name.log" \
         --view ${PORT:+--port "$PORT"} ${HOLD:+--hold} --json || status=$?
     echo $status >"$out/status"
 } | table || [ "$(cat "$out/status")" -ne 0 ] || exit 1

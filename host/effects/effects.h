@@ -10,6 +10,7 @@
 #include <stdio.h>
 
 #include "scene_friction.h"
+#include "scene_grasp.h"
 #include "scene_swing.h"
 #include "scene_viscoelastic.h"
 

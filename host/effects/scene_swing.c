@@ -55,7 +55,7 @@ static int fit(const struct body *body, const double *share, float affine[12], s
     const struct surface *surface = &body->surface;
     double normal[16] = {0}, right[12] = {0};
     for (size_t v = 0; v < surface->vertex_count; v++) {
-        const double *x = &body->mesh.nodes[3 * (size_t)surface->node[v]];
+        const double *x = body->mesh.nodes + 3 * (size_t)surface->node[v];
         double row[4] = {x[0], x[1], x[2], 1};
         for (int i = 0; i < 4; i++) {
             for (int j = 0; j < 4; j++)

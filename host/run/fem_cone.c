@@ -12,6 +12,8 @@ enum { UNKNOWNS = 3 * CONTACT_MAX, MAX_OUTER = 400, MAX_INNER = 5000 };
 /* The nearest point of the cone. */
 static void project(const double n[3], double mu, double f[3])
 {
+    if (mu < 0)
+        return;
     double fn = n[0] * f[0] + n[1] * f[1] + n[2] * f[2], t[3], ft = 0;
     for (int a = 0; a < 3; a++) {
         t[a] = f[a] - fn * n[a];
@@ -43,15 +45,16 @@ static void residual(uint32_t m, const double *A, const double *d, const double 
     }
 }
 
-double fem_cone_failure(uint32_t m, const double *A, const double *d, const double *n, double mu, const double *f)
+double fem_cone_failure(uint32_t m, const double *A, const double *d, const double *n, const double *mu,
+                        const double *f)
 {
     double r[UNKNOWNS], slides[CONTACT_MAX], worst = 0, rho = 1 / A[0];
     residual(m, A, d, n, f, r, slides);
     for (uint32_t c = 0; c < m; c++) {
         double g[3], sum = 0;
         for (int a = 0; a < 3; a++)
-            g[a] = f[3 * c + a] - rho * (r[3 * c + a] + mu * slides[c] * n[3 * c + a]);
-        project(n + 3 * c, mu, g);
+            g[a] = f[3 * c + a] - rho * (r[3 * c + a] + fmax(0, mu[c]) * slides[c] * n[3 * c + a]);
+        project(n + 3 * c, mu[c], g);
         for (int a = 0; a < 3; a++)
             sum += (f[3 * c + a] - g[a]) * (f[3 * c + a] - g[a]);
         worst = fmax(worst, sqrt(sum) / rho);
@@ -60,8 +63,8 @@ double fem_cone_failure(uint32_t m, const double *A, const double *d, const doub
 }
 
 /* The convex problem: z over the cones, y the scaled multipliers, both kept from one call to the next. */
-static void admm(uint32_t m, const double *factor, double rho, const double *d, const double *n, double mu, double *z,
-                 double *y)
+static void admm(uint32_t m, const double *factor, double rho, const double *d, const double *n, const double *mu,
+                 double *z, double *y)
 {
     lapack_int size = (lapack_int)(3 * m);
     double x[UNKNOWNS], moved = 1, largest = 0;
@@ -74,7 +77,7 @@ static void admm(uint32_t m, const double *factor, double rho, const double *d, 
             double g[3];
             for (int a = 0; a < 3; a++)
                 g[a] = x[3 * c + a] + y[3 * c + a];
-            project(n + 3 * c, mu, g);
+            project(n + 3 * c, mu[c], g);
             for (int a = 0; a < 3; a++) {
                 uint32_t i = 3 * c + (uint32_t)a;
                 moved = fmax(moved, fmax(fabs(g[a] - z[i]), fabs(g[a] - x[i])));
@@ -86,7 +89,8 @@ static void admm(uint32_t m, const double *factor, double rho, const double *d, 
     }
 }
 
-int fem_cone(uint32_t m, const double *A, const double *d, const double *n, double mu, double *f, struct failure *why)
+int fem_cone(uint32_t m, const double *A, const double *d, const double *n, const double *mu, double *f,
+             struct failure *why)
 {
     double factor[UNKNOWNS * UNKNOWNS], y[UNKNOWNS] = {0}, lower[UNKNOWNS], slides[CONTACT_MAX] = {0}, trace = 0;
     uint32_t size = 3 * m;
@@ -105,7 +109,7 @@ int fem_cone(uint32_t m, const double *A, const double *d, const double *n, doub
     for (int k = 0; m && k < MAX_OUTER && change > 1e-12 * depth; k++) {
         double r[UNKNOWNS], next[CONTACT_MAX];
         for (uint32_t i = 0; i < size; i++)
-            lower[i] = d[i] - mu * slides[i / 3] * n[i];
+            lower[i] = d[i] - fmax(0, mu[i / 3]) * slides[i / 3] * n[i];
         admm(m, factor, rho, lower, n, mu, f, y);
         residual(m, A, d, n, f, r, next);
         change = 0;

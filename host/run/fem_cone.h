@@ -12,12 +12,15 @@
 
 #include "failure.h"
 
-/* m <= CONTACT_MAX contacts; A: 3m x 3m, row-major, symmetric positive definite; d: 3m; n: 3 per contact, unit; f: 3m, out.
+/* m <= CONTACT_MAX contacts; A: 3m x 3m, row-major, symmetric positive definite; d: 3m; n: 3 per contact, unit; mu: per contact, below 0
+ * for one that is held from both sides; f: 3m, out.
  * MODEL_FACTOR when A is not definite, CHECK_FAILED when the fixed point does not come to rest. */
-int fem_cone(uint32_t m, const double *A, const double *d, const double *n, double mu, double *f, struct failure *why);
+int fem_cone(uint32_t m, const double *A, const double *d, const double *n, const double *mu, double *f,
+             struct failure *why);
 
 /* By how much forces fail Coulomb's law, m: |f - P(f - rho (r + mu |r_t| n))| / rho with P the nearest point of the cone and
  * rho = 1 / A_00; largest over the contacts; 0 when they solve it. */
-double fem_cone_failure(uint32_t m, const double *A, const double *d, const double *n, double mu, const double *f);
+double fem_cone_failure(uint32_t m, const double *A, const double *d, const double *n, const double *mu,
+                        const double *f);
 
 #endif

@@ -40,6 +40,8 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
         memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
         if (cone)
             memcpy(sample->contact[c].wanted_m, cone->contact[c].wanted_m, sizeof cone->contact[c].wanted_m);
+        if (cone)
+            sample->contact[c].mu = (double)cone->contact[c].mu;
     }
 }
 
@@ -112,6 +114,7 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
     enum { UNKNOWNS = 3 * CONTACT_MAX };
     uint32_t m = sample->count, size = 3 * m, vertex[3 * UNKNOWNS] = {0};
     double weight[3 * UNKNOWNS] = {0}, axis[3 * UNKNOWNS] = {0}, d[UNKNOWNS], n[UNKNOWNS], f[UNKNOWNS];
+    double mu[CONTACT_MAX];
     double *A = malloc((size_t)size * size * sizeof *A);
     if (!A)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for %u contacts", m);
@@ -119,6 +122,7 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
         uint32_t c = i / 3;
         d[i] = (double)sample->contact[c].wanted_m[i % 3];
         n[i] = (double)sample->contact[c].normal[i % 3];
+        mu[c] = sample->contact[c].mu;
         axis[3 * i + i % 3] = 1;
         for (int k = 0; k < 3; k++) {
             vertex[3 * i + k] = body->surface.triangles[3 * sample->contact[c].triangle + k];
@@ -126,13 +130,18 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
         }
     }
     int status = model_constrained(body->model, size, vertex, weight, axis, 0, NULL, NULL, A, why);
-    for (uint32_t i = 0; i < size && !status; i++) {
+    for (uint32_t c = 0; c < m && !status; c++) { /* epsilon_c of cone.h, then the coupling */
+        double own = 0;
+        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
+            own += 1e-3 / 3 * A[size * i + i];
+        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
+            A[size * i + i] += fmax(own, (double)bank->contact->regularisation_m_N);
+    }
+    for (uint32_t i = 0; i < size && !status; i++)
         for (uint32_t j = i % 3; j < size; j += 3)
             A[size * i + j] += 1 / (double)bank->contact->coupling_stiffness_N_m;
-        A[size * i + i] += (double)bank->contact->regularisation_m_N;
-    }
     if (!status)
-        status = fem_cone(m, A, d, n, (double)bank->friction->mu, f, why);
+        status = fem_cone(m, A, d, n, mu, f, why);
     for (uint32_t i = 0; i < size && !status; i++)
         force_N[i % 3] += f[i];
     free(A);

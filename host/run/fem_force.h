@@ -6,7 +6,7 @@
  * and epsilon; then p >= 0, A p - d >= 0, p.(A p - d) = 0 by projected Gauss-Seidel, polished by a dense solve on the
  * set that it found, and the three conditions are checked. The force on the tool is sum p_c n_c.
  *
- * With friction (a cone_system of the tick is given) there are three unknowns a contact and Coulomb's law in place of the
+ * With friction or grasping (a cone_system of the tick is given) there are three unknowns a contact and Coulomb's law in place of the
  * complementarity: fem_cone.h, with the displacements that the controller asks of the tissue.
  *
  * With visco-elastic tissue depths and coupling are those of viscoelastic.h; what the tissue remembers is the controller's.
@@ -32,7 +32,8 @@ struct fem_sample {
     struct {
         uint32_t triangle;
         float weights[3], normal[3], depth_m;
-        float wanted_m[3]; /* with friction */
+        float wanted_m[3]; /* with a cone_system, */
+        double mu;         /* the same; below 0: held */
     } contact[CONTACT_MAX];
     bool friction;
     double stiffening; /* C of viscoelastic.h, then depth_m is C d + m; 1 without that effect */

@@ -197,7 +197,10 @@ static void account(struct session *s)
     r->max_factors = c->contact.factors > r->max_factors ? c->contact.factors : r->max_factors;
     for (uint32_t i = 0; i < c->contact.count; i++)
         r->max_depth_m = fmax(r->max_depth_m, (double)c->contact.contact[i].depth_m);
-    fem_record_tick(&s->record, &c->contact, s->bank->view.friction ? &c->friction.system : NULL,
+    fem_record_tick(&s->record, &c->contact,
+                    s->bank->view.friction ? &c->friction.system
+                    : s->bank->view.grasp  ? &c->grasp.system
+                                           : NULL,
                     s->bank->view.viscoelastic ? &c->viscoelastic : NULL, s->tick);
 }
 

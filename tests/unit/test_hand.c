@@ -75,6 +75,21 @@ static void steps_end_where_they_say(void **state)
     at(1e6, 0, 0, 0.10);
 }
 
+static void jaws_close_and_open_where_the_gesture_says(void **state)
+{
+    (void)state;
+    struct hand jaws = {.start = {0, 0, 0.1}, .touch = {0, 0, 0.12}, .gesture = &gesture};
+    parse("approach 1 s\nclose 1 s\nhold 1 s\nopen 1 s\nhold 1 s\nclose 1 s\nrepeat 2");
+    const double expected[][2] = {
+        {0, 0},   {1, 0},   {1.5, 0.5}, {2.5, 1}, {3.5, 0.5}, {4.5, 0}, {5.5, 0.5},
+        {6.5, 1}, {8.5, 1}, {9.5, 0.5}, {12, 1},  {1e6, 1}}; /* minimum jerk: half way at half the time */
+    for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++)
+        assert_true(fabs(hand_grip(&jaws, expected[i][0]) - expected[i][1]) < 1e-12);
+    double target[3];
+    hand_target(&jaws, 1.5, target); /* the tip stays */
+    assert_true(fabs(target[2] - 0.12) < 1e-12);
+}
+
 static void depth_runs_along_the_line_from_the_trocar(void **state)
 {
     (void)state;
@@ -184,7 +199,7 @@ static void files_are_read_and_strangers_refused(void **state)
     assert_int_equal(gesture_read(path, &gesture, message, sizeof message, &line), STATUS_GESTURE_SYNTAX);
     unlink(path);
     assert_int_equal(gesture_read(path, &gesture, message, sizeof message, &line), STATUS_FILE_OPEN);
-    assert_non_null(strstr(message, "press, slide, poke, hold, tour"));
+    assert_non_null(strstr(message, gesture_names()));
     assert_int_equal(gesture_read("/", &gesture, message, sizeof message, &line), STATUS_FILE_OPEN);
 }
 
@@ -192,7 +207,7 @@ static void files_are_read_and_strangers_refused(void **state)
 static void random_text_never_breaks_it(void **state)
 {
     (void)state;
-    static const char *const words[] = {"approach", "press", "slide", "poke", "hold", "retract", "repeat", "in",
+    static const char *const words[] = {"approach", "press", "slide", "poke", "hold", "close", "open", "retract", "repeat", "in",
                                         "times",    "mm",    "s",     "ms",   "m",    "1",       "-3",     "1e-3",
                                         "1e308",    "7",     "\n",    "\n",   "#",    "\t"};
     const unsigned seed = 20240601;
@@ -222,6 +237,7 @@ int main(void)
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(steps_end_where_they_say),
+        cmocka_unit_test(jaws_close_and_open_where_the_gesture_says),
         cmocka_unit_test(depth_runs_along_the_line_from_the_trocar),
         cmocka_unit_test(repeats_continue_where_the_pass_ended),
         cmocka_unit_test(built_in_gestures_parse_and_do_not_jump),
