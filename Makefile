@@ -149,6 +149,7 @@ $$($(1)_DIR)/%.o: %.S | packages
 $$($(1)_DIR)/controller.elf: $$($(1)_OBJ)
 	$$(call say,LINK,$$@)
 	$$(Q)$(2) $(3) $$($(1)_OBJ) -Wl,-Map=$$(@:.elf=.map) -o $$@ $(5)
+	$$(if $$(filter %-gcc,$(2)),$$(Q)$$(patsubst %-gcc,%-objcopy,$(2)) -O binary $$@ $$(@:.elf=.bin))
 # which effects its objects were compiled for: they are compiled again when that changes
 $$($(1)_DIR)/image.effects: always
 	@mkdir -p $$(@D)
