@@ -155,6 +155,10 @@ void contact_respond(struct contact_set *s, const struct row_cache *g, const str
             }
         }
     }
+    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
+        struct contact *at = &s->contact[c];
+        at->pad_m_N = contact_pad(bank, real_dot(at->normal, s->response[c][c]));
+    }
 }
 
 void contact_gather(struct contact_set *s, const struct collide *points)
@@ -254,7 +258,7 @@ void contact_push(struct contact_set *s, const struct bank_view *bank)
             float a = real_dot(at->normal, s->response[c][d]) + softness * real_dot(at->normal, s->contact[d].normal);
             s->system[c][d] = s->system[d][c] = a;
         }
-        s->system[c][c] += bank->contact->regularisation_m_N;
+        s->system[c][c] += at->pad_m_N;
     }
     bool cut = false;
     uint32_t steps = bank->contact->solver_steps ? bank->contact->solver_steps : CONTACT_MAX_FACTORS;

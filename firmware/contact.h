@@ -3,8 +3,12 @@
  * m contacts with outward normals n_c, anchors with weights w_ci over three vertices, depths d_c of the device's points:
  *
  *   g_cd = sum_ij w_ci w_dj G_ij n_d                  displacement of anchor c under a unit force along n_d at anchor d
- *   A_cd = n_c . g_cd + (n_c . n_d) / k + epsilon [c = d]
+ *   A_cd = n_c . g_cd + (n_c . n_d) / k + epsilon_c [c = d]
  *   A p - d >= 0,  p >= 0,  p . (A p - d) = 0         p_c: normal force, N; a tool pushes, it does not pull
+ *
+ * epsilon_c = epsilon max(1, n_c . g_cc / G), with the bank's epsilon and its typical compliance G: far from where a body is held a
+ * point gives way up to a hundred times as much as the typical one, and single precision tells its neighbours apart only by as
+ * much more.
  *
  * k is the virtual coupling: a rigid tool (the proxy) hangs on the device by a spring, and its share of the depth is
  * solved together with the tissue's. So the hand never feels more than k, and a contact is never lost for stiffness.
@@ -37,6 +41,7 @@ struct contact {
     uint8_t slot[3];  /* of the rows of its vertices; of no use with a plain bank */
     float normal[3];  /* outward */
     float depth_m;    /* of the device's point below the anchor */
+    float pad_m_N;    /* epsilon_c */
     float pressure_N; /* p_c >= 0 */
     /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
     float displacement_m[3];
@@ -87,6 +92,14 @@ static inline void contact_update(struct contact_set *s, struct row_cache *g, co
     contact_admit(s, g, bank);
     contact_respond(s, g, bank);
     contact_push(s, bank);
+}
+
+/* epsilon_c of a contact whose own compliance is this, m/N. */
+static inline float contact_pad(const struct bank_view *bank, float own_m_N)
+{
+    const struct bank_contact *b = bank->contact;
+    float typical = b->typical_compliance_m_N;
+    return own_m_N > typical ? b->regularisation_m_N * (own_m_N / typical) : b->regularisation_m_N;
 }
 
 /* Compliance block between corner i of one admitted contact and corner j of another; its transpose when *turned. Neither

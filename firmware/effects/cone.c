@@ -60,16 +60,6 @@ static void add_corners(struct corners *k, const struct bank_view *bank, const s
     }
 }
 
-/* Far from where the body is held a point gives way up to a hundred times as much as the median one, and neighbours of its kind are
- * told apart by what single precision loses beside that: epsilon is at least CONE_SHARE of the contact's own compliance. */
-static void regularise(float e[9], float softness, float epsilon)
-{
-    float own = CONE_SHARE / 3.0f * (e[0] + e[4] + e[8] - 3.0f * softness), added = own > epsilon ? own : epsilon;
-    e[0] += added;
-    e[4] += added;
-    e[8] += added;
-}
-
 /* Each pair of a vertex and a contact is summed once, over the contact's corners; the vertices of contacts d .. m-1 are the first
  * of `corners` when contact d's turn comes. */
 void cone_assemble(struct cone_system *s, const struct contact_set *set, const struct row_cache *g,
@@ -99,8 +89,12 @@ void cone_assemble(struct cone_system *s, const struct contact_set *set, const s
             for (int i = 0; i < 3; i++) /* bound: 3 */
                 if (k.share[c][i] != 0.0f)
                     sum = plus(sum, k.share[c][i], response[k.of[c][i]].e, false);
-            if (c == d)
-                regularise(sum.e, softness, bank->contact->regularisation_m_N);
+            if (c == d) {
+                float pad = contact_pad(bank, (sum.e[0] + sum.e[4] + sum.e[8]) / 3.0f - softness);
+                sum.e[0] += pad;
+                sum.e[4] += pad;
+                sum.e[8] += pad;
+            }
             for (int e = 0; e < 9; e++) /* bound: 9 */
                 s->block[place(c, d)][e] = sum.e[e];
         }

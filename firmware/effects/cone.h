@@ -1,7 +1,7 @@
 /* Contacts whose forces have three components, each kept in its cone: the solver that friction and grasping share.
  *
  *   A_cd = C_cd + I / k + epsilon_c I [c = d],  C_cd = sum_ij w_ci w_dj G_ij;  3x3, m/N; symmetric positive definite as a whole
- *   epsilon_c = max(epsilon, CONE_SHARE trace(C_cc) / 3)
+ *   epsilon_c as in contact.h, of trace(C_cc) / 3
  *   r_c  = sum_d A_cd f_d - d_c                                      what is left between tool and tissue, m
  *
  * d_c: displacement that the tool asks of the tissue at contact c, m; f_c: force of the tissue on the tool, N; n_c its
@@ -24,8 +24,7 @@
 
 #include "contact.h"
 
-#define CONE_HELD  (-1.0f)
-#define CONE_SHARE 1e-3f /* of a contact's own compliance */
+#define CONE_HELD (-1.0f)
 
 enum {
     CONE_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,

@@ -159,7 +159,7 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
     stiff.coupling_stiffness_N_m *= whole;
     stiff.regularisation_m_N *= s.total;
     as_if.contact = &stiff;
-    contact_respond(set, g, bank);
+    contact_respond(set, g, &as_if);
     contact_push(set, &as_if);
 
     for (int a = 0; a < 3; a++) /* bound: 3 */

@@ -107,6 +107,12 @@ int fem_complementarity(uint32_t m, const double *A, const double *d, double *p,
     return STATUS_OK;
 }
 
+/* epsilon_c of contact.h. */
+static double pad(const struct bank_view *bank, double own_m_N)
+{
+    return (double)bank->contact->regularisation_m_N * fmax(1, own_m_N / (double)bank->contact->typical_compliance_m_N);
+}
+
 /* The same with friction: each contact is constrained along the three axes. */
 static int fem_force_friction(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
                               double force_N[3], struct failure *why)
@@ -130,12 +136,12 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
         }
     }
     int status = model_constrained(body->model, size, vertex, weight, axis, 0, NULL, NULL, A, why);
-    for (uint32_t c = 0; c < m && !status; c++) { /* epsilon_c of cone.h, then the coupling */
+    for (uint32_t c = 0; c < m && !status; c++) { /* epsilon_c, then the coupling */
         double own = 0;
         for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
-            own += 1e-3 / 3 * A[size * i + i];
+            own += A[size * i + i] / 3;
         for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
-            A[size * i + i] += fmax(own, (double)bank->contact->regularisation_m_N);
+            A[size * i + i] += pad(bank, own);
     }
     for (uint32_t i = 0; i < size && !status; i++)
         for (uint32_t j = i % 3; j < size; j += 3)
@@ -172,13 +178,15 @@ int fem_force(const struct bank_view *bank, const struct body *body, const struc
     int status = model_constrained(body->model, m, vertex, weight, normal, epsilon, d, p, A, why);
     if (status)
         return status;
-    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
+    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m, own[CONTACT_MAX];
+    for (uint32_t c = 0; c < m; c++)
+        own[c] = pad(bank, A[m * c + c]);
     for (uint32_t c = 0; c < m; c++)
         for (uint32_t e = 0; e < m; e++)
             for (int k = 0; k < 3; k++)
                 A[m * c + e] += softness * normal[3 * c + k] * normal[3 * e + k];
     for (uint32_t c = 0; c < m; c++)
-        A[m * c + c] += epsilon;
+        A[m * c + c] += sample->stiffening * own[c];
     status = fem_complementarity(m, A, d, p, why);
     for (uint32_t c = 0; c < m && !status; c++)
         for (int k = 0; k < 3; k++)

@@ -4,7 +4,7 @@
  * controller reads; what follows them in double is the truth. Each set is solved twice:
  *
  *   pressed   along the normals, by the firmware's own contact_update, each tool with its points: within 1e-3.
- *   sticking  in three dimensions, (Wt G W + epsilon_c I) f = d for any d, with the epsilon_c of cone.h and without the
+ *   sticking  in three dimensions, (Wt G W + epsilon_c I) f = d for any d, with the epsilon_c of contact.h and without the
  *             virtual coupling, which only helps: within 1e-3. In float, rounding A alone moves f by up to 2^-24 trace(A) /
  *             epsilon of itself; with the bank's one epsilon that would be percents between points that coincide on a body
  *             held at one end, whose far points move by 100 times the median.
@@ -22,7 +22,6 @@
 
 #include "bank.h"
 #include "contact.h"
-#include "effects/cone.h"
 #include "factor_fixture.h"
 #include "random.h"
 
@@ -162,9 +161,9 @@ static void stick(const struct bench *b, const struct set *s, struct worst *wors
     for (int c = 0; c < n; c += 3) {
         double own = 0;
         for (int i = c; i < c + 3; i++)
-            own += (double)CONE_SHARE / 3 * A[(n + 1) * i];
+            own += A[(n + 1) * i] / 3;
         for (int i = c; i < c + 3; i++)
-            A[(n + 1) * i] += fmax(own, epsilon);
+            A[(n + 1) * i] += epsilon * fmax(1, own / (double)b->view->contact->typical_compliance_m_N);
     }
     for (int i = 0; i < n; i++) {
         d[i] = random_range(-0.01, 0.01);
@@ -260,10 +259,13 @@ static void press(const struct bench *b, const struct set *s, unsigned tool, str
         for (int e = 0; e < m; e++) {
             const struct contact *from = &contacts.contact[e];
             struct point there = {0, from->triangle, {from->weights[0], from->weights[1], from->weights[2]}};
-            double g[9], sum = c == e ? (double)b->view->contact->regularisation_m_N : 0;
+            double g[9], sum = 0;
             compliance(b, &here, &there, g);
             for (int k = 0; k < 9; k++)
                 sum += (double)at->normal[k / 3] * g[k] * (double)from->normal[k % 3];
+            if (c == e)
+                sum += (double)b->view->contact->regularisation_m_N *
+                       fmax(1, sum / (double)b->view->contact->typical_compliance_m_N);
             for (int a = 0; a < 3; a++)
                 sum +=
                     (double)at->normal[a] * (double)from->normal[a] / (double)b->view->contact->coupling_stiffness_N_m;

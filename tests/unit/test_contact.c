@@ -283,7 +283,8 @@ static void assembled_force_and_displacement_agree_with_a_dense_evaluation(void 
         for (unsigned c = 0; c < m; c++)
             for (unsigned e = 0; e < m; e++) {
                 const struct contact *at = &s.contact[c], *from = &s.contact[e];
-                A[c * m + e] = c == e ? epsilon : 0;
+                double own = 0;
+                A[c * m + e] = 0;
                 for (int a = 0; a < 3; a++) {
                     g[c][e][a] = 0;
                     for (int i = 0; i < 3; i++)
@@ -298,8 +299,11 @@ static void assembled_force_and_displacement_agree_with_a_dense_evaluation(void 
                                 g[c][e][a] +=
                                     (double)at->weights[i] * from->weights[j] * block[3 * a + b] * from->normal[b];
                         }
+                    own += at->normal[a] * g[c][e][a];
                     A[c * m + e] += at->normal[a] * g[c][e][a] + at->normal[a] * from->normal[a] / k;
                 }
+                if (c == e)
+                    A[c * m + e] += epsilon * fmax(1, own / bank.contact->typical_compliance_m_N);
                 d[c] = at->depth_m;
             }
         solve_by_enumeration(A, d, m, p);

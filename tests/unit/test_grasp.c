@@ -120,9 +120,10 @@ static void a_pull_follows_the_compliance_of_the_bank(void **state)
             for (int e = 0; e < 9; e++)
                 A[e / 3][e % 3] += (double)h->weights[i] * h->weights[j] * G[e];
         }
-    double own = 1e-3 * (A[0][0] + A[1][1] + A[2][2]) / 3, least = (double)bank->contact->regularisation_m_N;
+    double own = (A[0][0] + A[1][1] + A[2][2]) / 3 / (double)bank->contact->typical_compliance_m_N;
     for (int a = 0; a < 3; a++)
-        A[a][a] += fmax(own, least) + 1 / (double)bank->contact->coupling_stiffness_N_m;
+        A[a][a] += fmax(own, 1) * (double)bank->contact->regularisation_m_N +
+                   1 / (double)bank->contact->coupling_stiffness_N_m;
     random_seed("pull", 41);
     for (int n = 0; n < 40; n++) {
         go(&r, TOP_m + random_range(-0.01, 0.006), random_range(-0.05, 0.05), random_range(-0.05, 0.05), 60);

@@ -207,9 +207,9 @@ static void files_are_read_and_strangers_refused(void **state)
 static void random_text_never_breaks_it(void **state)
 {
     (void)state;
-    static const char *const words[] = {"approach", "press", "slide", "poke", "hold", "close", "open", "retract", "repeat", "in",
-                                        "times",    "mm",    "s",     "ms",   "m",    "1",       "-3",     "1e-3",
-                                        "1e308",    "7",     "\n",    "\n",   "#",    "\t"};
+    static const char *const words[] = {"approach", "press", "slide", "poke", "hold", "close", "open", "retract",
+                                        "repeat",   "in",    "times", "mm",   "s",    "ms",    "m",    "1",
+                                        "-3",       "1e-3",  "1e308", "7",    "\n",   "\n",    "#",    "\t"};
     const unsigned seed = 20240601;
     unsigned random = seed, good = 0;
     for (int n = 0; n < 20000; n++) {
