@@ -176,7 +176,7 @@ struct bank_table {
 #define BANK_CONT        BANK_TAG('C', 'O', 'N', 'T')
 #define BANK_MAX_DECAY_S 0.5f /* torque is gone within ten of these, whatever the bank says */
 struct bank_contact {
-    float regularisation_m_N; /* epsilon added to the diagonal of every contact system: > 0; 1e-3 of the median G_ii */
+    float regularisation_m_N;     /* epsilon of contact.h, > 0: 1e-3 of the median G_ii */
     float coupling_stiffness_N_m; /* virtual coupling between device and proxy; the hand never feels more */
     float coupling_damping_Ns_m;  /* of the virtual coupling, while in contact */
     float force_limit_N;          /* clamp of the tip force */
