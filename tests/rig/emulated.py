@@ -78,7 +78,9 @@ class Image:
         """Run it. Returns the finished process."""
         process = subprocess.run(self.command(*what, **more), stdin=subprocess.DEVNULL, capture_output=True, text=True,
                                  timeout=SECONDS, env=QUIET)
-        process.stderr = "".join(line for line in process.stderr.splitlines(True) if not line.startswith("qemu-system-"))
+        # what the emulator says of itself, for instance that it has no audio
+        process.stderr = "".join(line for line in process.stderr.splitlines(True)
+                                 if not line.startswith(("qemu-system-", "qemu: module ")))
         return process
 
 
