@@ -239,21 +239,39 @@ static int write_provenance(struct pack *pack, const struct body *body, const st
     return status;
 }
 
-/* Contact, instruments and effects, from the scene as its text in the bank reads: what is checked later is that text, and reading
- * may round the last bit of a number otherwise. */
-static int set_records(struct body *body, const char *scene_text, const char *path, double median_m_N,
-                       struct pack *pack, struct failure *why)
+/* The scene as its text in the bank reads: what is checked later is that text, and reading may round the last bit of a number
+ * otherwise. NULL after a failure. */
+static struct scene *scene_as_written(const char *scene_text, const char *path, struct failure *why)
 {
     struct scene *scene = malloc(sizeof *scene);
     if (!scene)
-        return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the scene");
-    int status = scene_parse(scene_text, strlen(scene_text), path, scene, why);
+        failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the scene");
+    else if (scene_parse(scene_text, strlen(scene_text), path, scene, why)) {
+        free(scene);
+        scene = NULL;
+    }
+    return scene;
+}
+
+/* The sections of effects: before the budget is looked at, which they count towards. */
+static int set_effects(struct body *body, const char *scene_text, struct pack *pack, struct failure *why)
+{
+    struct scene *scene = scene_as_written(scene_text, body->scene.path, why);
+    int status = scene ? pack_effects(pack, scene, body, why) : why->status;
+    free(scene);
+    return status;
+}
+
+/* Contact and instruments. */
+static int set_records(const char *scene_text, const char *path, double median_m_N, struct pack *pack,
+                       struct failure *why)
+{
+    struct scene *scene = scene_as_written(scene_text, path, why);
+    int status = scene ? STATUS_OK : why->status;
     if (!status)
         scene_contact(scene, median_m_N, &pack->contact);
     for (size_t i = 0; i < pack->tools && !status; i++)
         status = scene_tool(&scene->instrument[i], &pack->tool[i], why);
-    if (!status)
-        status = pack_effects(pack, scene, body, why);
     pack->scene_hash = crc32_update(0, scene_text, strlen(scene_text));
     free(scene);
     return status;
@@ -290,7 +308,7 @@ static int write_bank(struct body *body, struct pack *pack, const struct complia
                       struct build_result *result, struct failure *why)
 {
     struct compressed compressed = {0};
-    int status = set_records(body, scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
+    int status = set_records(scene_text, body->scene.path, G->median_diagonal_m_N, pack, why);
     if (!status && !wanted->plain)
         status = bank_compress(body, G, pack, wanted, quiet, &compressed, why);
     if (status == STATUS_BANK_LIMIT)
@@ -346,6 +364,8 @@ static int build(struct body *body, const struct compression *compression, doubl
     result->rows = pack.rows;
     if (!status && !(scene_text = scene_print(scene)))
         status = failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
+    if (!status)
+        status = set_effects(body, scene_text, &pack, why);
     if (!status)
         status = longest_provenance(body, result, scene_text, writer->path, &provenance_bytes, why);
     if (!status)
