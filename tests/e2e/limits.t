@@ -122,6 +122,10 @@ def block(place):
     other = place / "other.bank"
     _, k = build(in_scene, other)
     check("the scene's budget is the same limit", k.get("step") == j["step"] and k["bytes"] <= most, k)
+    in_scene.write_text(SCENE + "effects: {swing: {modes: 8}}\n")
+    r, k = build(in_scene, other, "--max-bytes", most)
+    check("the sections of effects count towards the limit", r.returncode == 0 and k["bytes"] <= most and
+          k["step"] > j["step"], r.stderr)
     os.unlink(bank)
 
     r, _ = build(scene, bank, "--max-bytes", 20000)
