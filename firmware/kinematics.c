@@ -127,6 +127,26 @@ void kinematics_efforts(const struct kinematics *k, const struct bank_tool *tool
     transposed_jacobian(k, f, effort);
 }
 
+void kinematics_pull(const struct kinematics *k, const float point_m[3], const float force_N[3], float tip_force_N[3])
+{
+    float r[3], y[3], z[3], beside[3], turning[3];
+    real_subtract(point_m, k->tip_m, r);
+    for (int i = 0; i < 3; i++) { /* bound: 3 */
+        y[i] = k->frame[3 * i + 1];
+        z[i] = k->frame[3 * i + 2];
+    }
+    float behind = real_dot(r, z), along = real_dot(force_N, z), L = k->joint[2];
+    for (int i = 0; i < 3; i++) /* bound: 3 */
+        beside[i] = r[i] - behind * z[i];
+    real_cross(z, beside, turning);
+    float s = L + behind, twist = real_dot(force_N, turning) * k->sin_a / k->cos_a;
+    float share = 1.0f / (L < KINEMATICS_SHORTEST_m ? KINEMATICS_SHORTEST_m : L);
+    for (int i = 0; i < 3; i++) { /* bound: 3 */
+        float moment = s * (force_N[i] - along * z[i]) - along * beside[i] - twist * y[i];
+        tip_force_N[i] = along * z[i] + share * moment;
+    }
+}
+
 void kinematics_gravity(const struct kinematics *k, const struct bank_tool *tool, float effort[3])
 {
     /* The motor sits at -r s, s the shaft's unit vector; ds/d alpha = cos a (1, 0, -sin a / c), likewise beta. */

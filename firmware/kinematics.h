@@ -35,6 +35,17 @@ void kinematics_point(const struct kinematics *k, const float offset_m[3], float
 void kinematics_efforts(const struct kinematics *k, const struct bank_tool *tool, const float force_N[3],
                         float effort[3]);
 
+/* The force on the tip that does the same virtual work as `force_N` on a point of the instrument (both in the world), roll held still.
+ * With the shaft's unit vector z, r = point - tip, s = L + r . z, rho = r - (r . z) z and the frame's Y axis y:
+ *
+ *   F = f_z z + [s f - rho f_z - tan(alpha) (f . z x rho) y] / L,   the bracket without its part along z
+ *
+ * The first term of the bracket is the lever, the second the moment of a force along the shaft that acts beside it, the third
+ * that the frame turns about the shaft as alpha and beta change (by -tan(alpha) y . dz). An insertion below
+ * KINEMATICS_SHORTEST_m counts as that: nearer to the trocar no tip force has such a moment. */
+#define KINEMATICS_SHORTEST_m 1e-3f
+void kinematics_pull(const struct kinematics *k, const float point_m[3], const float force_N[3], float tip_force_N[3]);
+
 /* Efforts that hold the weight of the motor carried on the axis, at gravity_arm_m behind the trocar [C97 7.2]: the
  * negative of what gravity does to the joints. */
 void kinematics_gravity(const struct kinematics *k, const struct bank_tool *tool, float effort[3]);
