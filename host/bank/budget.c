@@ -14,14 +14,14 @@ static void advise(const struct scene *scene, const struct bank_contact *contact
     for (unsigned steps = 24; steps >= 3; steps /= 2) {
         other.solver_steps = (uint16_t)steps;
         if (steps < (contact->solver_steps ? contact->solver_steps : BANK_MAX_SOLVER_STEPS) &&
-            worst_tick_fit(&other, worst_tick_sweeps(scene), points, max_blocks, limit)) {
+            worst_tick_fit(&other, worst_tick_effects(scene), points, max_blocks, limit)) {
             snprintf(text + used, room - (size_t)used, ", or write contact: {steps: %u} in the scene", steps);
             return;
         }
     }
     other = *contact;
     for (unsigned fewer = points - 1; fewer >= 1; fewer--)
-        if (worst_tick_fit(&other, worst_tick_sweeps(scene), fewer, max_blocks, limit)) {
+        if (worst_tick_fit(&other, worst_tick_effects(scene), fewer, max_blocks, limit)) {
             snprintf(text + used, room - (size_t)used, ", or give the tip %u points", fewer);
             return;
         }
@@ -31,7 +31,7 @@ static int refuse_instructions(const struct scene *scene, const struct bank_cont
                                struct failure *why)
 {
     double limit = scene->budget_instructions,
-           least = ceil(worst_tick(contact, worst_tick_sweeps(scene), worst_tick_points(scene), max_blocks));
+           least = ceil(worst_tick(contact, worst_tick_effects(scene), worst_tick_points(scene), max_blocks));
     char remedy[200];
     advise(scene, contact, max_blocks, limit, least, remedy, sizeof remedy);
     return failure_set(why, STATUS_BANK_LIMIT, scene->path, remedy,
@@ -52,7 +52,7 @@ int budget_begin(const struct scene *scene, const struct pack *pack, double prov
     wanted->bytes = scene->budget_bank_bytes;
     wanted->rest_bytes = (double)pack_rest(pack) + provenance_bytes;
     bool plain_fits = wanted->bytes > 0 && plain_bytes <= wanted->bytes &&
-                      worst_tick_fit(&contact, worst_tick_sweeps(scene), points, 0, limit);
+                      worst_tick_fit(&contact, worst_tick_effects(scene), points, 0, limit);
     if (plain_fits && !(wanted->step > 0))
         wanted->plain = true;
     if (wanted->plain && wanted->bytes > 0 && plain_bytes > wanted->bytes) {
@@ -63,7 +63,7 @@ int budget_begin(const struct scene *scene, const struct pack *pack, double prov
                            plain_bytes - wanted->bytes, wanted->bytes);
     }
     uint32_t blocks = wanted->plain ? 0 : 1; /* at least */
-    return worst_tick_fit(&contact, worst_tick_sweeps(scene), points, blocks, limit)
+    return worst_tick_fit(&contact, worst_tick_effects(scene), points, blocks, limit)
                ? STATUS_OK
                : refuse_instructions(scene, &contact, blocks, why);
 }
@@ -72,8 +72,8 @@ int budget_instructions_fit(const struct scene *scene, const struct compressed *
                             struct bank_contact *contact, double *worst, struct failure *why)
 {
     uint32_t blocks = compressed ? ((const struct bank_factor *)(const void *)compressed->bytes)->max_blocks : 0;
-    bool kept =
-        worst_tick_fit(contact, worst_tick_sweeps(scene), worst_tick_points(scene), blocks, scene->budget_instructions);
-    *worst = worst_tick(contact, worst_tick_sweeps(scene), worst_tick_points(scene), blocks);
+    bool kept = worst_tick_fit(contact, worst_tick_effects(scene), worst_tick_points(scene), blocks,
+                               scene->budget_instructions);
+    *worst = worst_tick(contact, worst_tick_effects(scene), worst_tick_points(scene), blocks);
     return kept ? STATUS_OK : refuse_instructions(scene, contact, blocks, why);
 }

@@ -126,7 +126,7 @@ static int check_records(const struct bank_view *bank, const struct body *body, 
                 (double)contact.regularisation_m_N);
     contact.regularisation_m_N = epsilon;
     contact.row_work = bank->contact->row_work; /* follows from the budget, which a command line may have set */
-    double worst = worst_tick(bank->contact, worst_tick_sweeps(&body->scene), worst_tick_points(&body->scene),
+    double worst = worst_tick(bank->contact, worst_tick_effects(&body->scene), worst_tick_points(&body->scene),
                               row_max_blocks(bank));
     if (body->scene.budget_instructions > 0 && worst > body->scene.budget_instructions)
         differs(result, "the worst tick takes %.0f instructions, the scene allows %.0f", worst,

@@ -12,21 +12,48 @@ static double solver_step(double m)
     return 7 * m * m * m / 6 + 22 * m * m + 40 * m;
 }
 
-/* One sweep: nine products and sums for each other contact, and the local problem, which may take all its steps. */
-static double sweep(double m)
+/* One sweep: nine products and sums for each other contact, and the local problem, which may take all its steps when the
+ * contact can slide against friction. */
+static double sweep(double m, bool slides)
 {
-    return 36 * m * (m - 1) + (150 + 70 * CONE_SLIDE_STEPS) * m;
+    return 36 * m * (m - 1) + (150 + (slides ? 70 * CONE_SLIDE_STEPS : 0)) * m;
 }
 
 /* Beside the sweeps: anchors that slide or are measured, the local problems' matrices, what is remembered. */
-#define FRICTION_POINT 1800.0
+#define CONE_POINT 1800.0
 
-unsigned worst_tick_sweeps(const struct scene *scene)
+/* Of the modes: their shapes at each contact, twice; what they take from every pair; the test whether what is left is definite,
+ * which may be made twice (firmware/effects/swing.c). */
+static double swing(double modes, double m)
 {
-    return scene->effects.named & EFFECT_FRICTION ? scene->effects.friction.sweeps : 0;
+    double test = m * m / 2 * (12 * modes + 40) + 8 * m * m * m / 6;
+    return modes == 0 ? 0 : 2 * test + modes * (30 * m * m + 400 * m + 300) + 200 * m;
 }
 
-double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks)
+/* Of the branches: each contact's memory read, advanced and handed on (firmware/effects/viscoelastic.c). */
+static double viscoelastic(double branches, double m)
+{
+    return branches == 0 ? 0 : m * (700 + 300 * branches) + 500 * branches;
+}
+
+struct worst_effects worst_tick_effects(const struct scene *scene)
+{
+    const struct scene_effects *e = &scene->effects;
+    struct worst_effects w = {0};
+    w.slides = e->named & EFFECT_FRICTION;
+    if (w.slides)
+        w.sweeps = e->friction.sweeps;
+    else if (e->named & EFFECT_GRASP)
+        w.sweeps = e->grasp.sweeps;
+    if (e->named & EFFECT_SWING)
+        w.modes = e->swing.modes;
+    if (e->named & EFFECT_VISCOELASTIC)
+        w.branches = (unsigned)e->viscoelastic.series.count + (e->viscoelastic.series.viscosity_s > 0);
+    return w;
+}
+
+double worst_tick(const struct bank_contact *contact, struct worst_effects effects, unsigned points,
+                  uint32_t max_blocks)
 {
     double m = points, steps = contact->solver_steps ? contact->solver_steps : BANK_MAX_SOLVER_STEPS;
     double work = contact->row_work ? (double)contact->row_work * BANK_ROW_WORK_UNIT : ROW_CACHE_WORK;
@@ -34,15 +61,18 @@ double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned 
     double product = max_blocks * (double)(2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
     double overshoot = fmax(ROW_CACHE_PORTION * block, product);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
-    double solver = sweeps ? FRICTION_POINT * m + sweeps * sweep(m) : steps * solver_step(m);
+    double solver =
+        effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides) : steps * solver_step(m);
+    solver += swing(effects.modes, m) + viscoelastic(effects.branches, m);
     return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);
 }
 
-bool worst_tick_fit(struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks, double limit)
+bool worst_tick_fit(struct bank_contact *contact, struct worst_effects effects, unsigned points, uint32_t max_blocks,
+                    double limit)
 {
     contact->row_work = 0;
-    double over = worst_tick(contact, sweeps, points, max_blocks) - limit;
+    double over = worst_tick(contact, effects, points, max_blocks) - limit;
     if (limit == 0 || over <= 0)
         return true;
     if (max_blocks == 0)

@@ -6,13 +6,15 @@
  *   + points     WORST_TICK_POINT              collision: swept and slid along the surface
  *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
  *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
- *     or, with friction, sweeps (m^2, m)       round the contacts, each seeing all others (firmware/effects/cone.c)
+ *     or, with friction or grasp, sweeps (m^2, m)   round the contacts, each seeing all others (firmware/effects/cone.c)
+ *   + what swing and visco-elastic tissue do at every contact (firmware/effects)
  *   + (row work + overshoot) WORST_TICK_WORK   rows of the factor: the tick's share (CONT row_work) and the portion and
  *                                              product that may pass it; none with a plain bank
  *
  * The coefficients are counts of the firmware's code as GCC makes it, rounded up; tests/rig/budgets.t counts ticks in an
- * emulated Cortex-M7 on recordings that no hand could make and holds them against this bound. The solver's term is exact in
- * the number of steps, which a real motion seldom takes, so the bound lies above what is counted. */
+ * emulated Cortex-M7 on recordings that no hand could make and holds them against this bound, tests/rig/worst_tick.t those of
+ * the effects with rows at hand. The solver's term is exact in the number of steps or sweeps, which a real motion seldom takes,
+ * so the bound lies above what is counted. */
 #ifndef TROCAR_WORST_TICK_H
 #define TROCAR_WORST_TICK_H
 
@@ -28,16 +30,25 @@
 #define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
 #define WORST_TICK_WORK       1.05   /* instructions per unit of row work (firmware/row_cache.h), and around it */
 
-/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank; `sweeps`: of friction's
- * solver, 0 without friction. */
-double worst_tick(const struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks);
+/* What the effects of a scene add; all 0 without. */
+struct worst_effects {
+    unsigned sweeps;   /* bound of friction's or grasp's solver, which stands in place of the factorisations */
+    bool slides;       /* with friction: each sweep looks for the slip of each contact */
+    unsigned modes;    /* of swing */
+    unsigned branches; /* of visco-elastic tissue */
+};
+
+/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */
+double worst_tick(const struct bank_contact *contact, struct worst_effects effects, unsigned points,
+                  uint32_t max_blocks);
 
 /* The largest row_work with which the worst tick keeps `limit` (0, the image's own bound, when that does; or when limit is
  * 0). False when not even the smallest does: then row_work is 1, and worst_tick says what it takes. */
-bool worst_tick_fit(struct bank_contact *contact, unsigned sweeps, unsigned points, uint32_t max_blocks, double limit);
+bool worst_tick_fit(struct bank_contact *contact, struct worst_effects effects, unsigned points, uint32_t max_blocks,
+                    double limit);
 
-/* Of the scene: 0 unless it names friction. */
-unsigned worst_tick_sweeps(const struct scene *scene);
+/* Of the scene. */
+struct worst_effects worst_tick_effects(const struct scene *scene);
 
 /* Points of the scene's instrument with the most. */
 unsigned worst_tick_points(const struct scene *scene);

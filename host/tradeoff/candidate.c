@@ -54,13 +54,27 @@ void discretisation_free(struct discretisation *d)
     body_close(&d->body);
 }
 
+/* Those that are turned off are not in it; the others as set. */
+static struct worst_effects effects_as_set(const struct scene *scene, const struct setting *setting)
+{
+    struct worst_effects effects = worst_tick_effects(scene);
+    if (scene->effects.named & EFFECT_FRICTION)
+        effects.sweeps = (unsigned)setting->value[KNOB_SWEEPS];
+    return effects;
+}
+
+double candidate_worst_tick(const struct candidate *c, const struct body *body, const struct setting *setting)
+{
+    return worst_tick(c->view.contact, effects_as_set(&body->scene, setting), (unsigned)setting->value[KNOB_POINTS],
+                      row_max_blocks(&c->view));
+}
+
 /* The share of a tick for rows: as set, else what the scene's budget leaves (the least when it leaves none). */
 static void set_row_work(const struct scene *scene, const struct setting *setting, uint32_t max_blocks,
                          struct bank_contact *contact)
 {
-    unsigned sweeps = worst_tick_sweeps(scene) ? (unsigned)setting->value[KNOB_SWEEPS]
-                                               : 0; /* effects that are turned off are not in it */
-    worst_tick_fit(contact, sweeps, (unsigned)setting->value[KNOB_POINTS], max_blocks, scene->budget_instructions);
+    worst_tick_fit(contact, effects_as_set(scene, setting), (unsigned)setting->value[KNOB_POINTS], max_blocks,
+                   scene->budget_instructions);
     if (setting->value[KNOB_ROW_WORK] > 0)
         contact->row_work = (uint16_t)setting->value[KNOB_ROW_WORK];
 }

@@ -33,6 +33,8 @@ int candidate_make(struct discretisation *d, const struct setting *setting, cons
 /* The controller's stage set anew: TOOL and CONT of the bank in memory and in its file. */
 int candidate_retool(struct candidate *candidate, struct body *body, const struct setting *setting,
                      struct failure *why);
+/* The bound of its worst tick, in instructions (worst_tick.h). */
+double candidate_worst_tick(const struct candidate *candidate, const struct body *body, const struct setting *setting);
 void candidate_free(struct candidate *candidate);
 
 #endif

@@ -6,7 +6,6 @@
 
 #include "compression.h"
 #include "tick.h"
-#include "worst_tick.h"
 
 static double order_of(const struct scene *scene)
 {
@@ -64,7 +63,7 @@ static void set_steps(double value, struct scene *scene)
 
 static double sweeps_of(const struct scene *scene)
 {
-    return worst_tick_sweeps(scene);
+    return scene->effects.named & EFFECT_FRICTION ? scene->effects.friction.sweeps : 0;
 }
 
 static void set_sweeps(double value, struct scene *scene)

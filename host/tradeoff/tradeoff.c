@@ -11,8 +11,6 @@
 #include "node.h"
 #include "progress.h"
 #include "recording.h"
-#include "row.h"
-#include "worst_tick.h"
 
 enum { QUICK_TRIALS = 60, FULL_TRIALS = 400, QUICK_RUNS = 3, FULL_RUNS = 9 };
 
@@ -216,9 +214,7 @@ static int measure_ticks(struct bench *b, const struct setting *setting, struct 
         p->factors = replay.factors_max;
         p->cut = replay.solver_cuts;
         p->waits = replay.waits;
-        unsigned sweeps = worst_tick_sweeps(&b->body.body.scene) ? (unsigned)setting->value[KNOB_SWEEPS] : 0;
-        p->worst_bound = tradeoff_round(worst_tick(b->bank.view.contact, sweeps, (unsigned)setting->value[KNOB_POINTS],
-                                                   row_max_blocks(&b->bank.view)));
+        p->worst_bound = tradeoff_round(candidate_worst_tick(&b->bank, &b->body.body, setting));
         p->state_bytes = (double)(sizeof(struct node) + row_cache_memory(&b->bank.view));
         double per_ms = setting->value[KNOB_RATE] / 1000;
         p->instructions_mean = count.known ? tradeoff_round(count.mean) : NAN;

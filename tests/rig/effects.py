@@ -27,6 +27,11 @@ PORT = emulated.CortexM7()
 BEGIN, END = "node_finish_tick", "node_transmit"
 
 
+def table():
+    """Bit, name in capitals, name, section, parts and what it adds, of every effect."""
+    return EFFECT.findall(pathlib.Path("shared/effects.def").read_text())
+
+
 def example(name):
     """The first line of code of the effect's page: how a scene names it."""
     page = pathlib.Path("shared/effects/%s.md" % name).read_text()
@@ -81,7 +86,6 @@ def main():
     if why:
         print(why + ": nothing is measured")
         return 0
-    table = EFFECT.findall(pathlib.Path("shared/effects.def").read_text())
     with tempfile.TemporaryDirectory(prefix="trocar-effects-") as folder:
         place = pathlib.Path(folder)
         plugin = emulated.build_plugin(place)
@@ -94,7 +98,7 @@ def main():
         without = torques(place, base_bank, same)
         print("| effect | flash, bytes | memory, bytes | bank, bytes | instructions, press | slide | worst | changes | error |")
         print("|---|---|---|---|---|---|---|---|---|")
-        for _, _, name, _, _, what in table:
+        for _, _, name, _, _, what in table():
             port, flash, memory = image(name)
             path, bank = scene(place, name, example(name)), place / (name + ".bank")
             emulated.build_bank(bank, path)

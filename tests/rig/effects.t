@@ -17,7 +17,7 @@ import emulated
 
 EFFECT_REFUSED = -409  # STATUS_BANK_EFFECT
 NATIVE = emulated.BUILD / "firmware/native"
-TABLE = effects.EFFECT.findall(pathlib.Path("shared/effects.def").read_text())
+TABLE = effects.table()
 
 count = 0
 failed = False

@@ -111,6 +111,8 @@ static void all_that_fits_is_taken(void **state)
     assert_true(s.good && s.step == coarsest);
 }
 
+static const struct worst_effects none, five = {.sweeps = 5}, six = {.sweeps = 6};
+
 static void the_row_work_that_is_given_is_the_largest_within_the_limit(void **state)
 {
     (void)state;
@@ -120,11 +122,11 @@ static void the_row_work_that_is_given_is_the_largest_within_the_limit(void **st
         unsigned points = 1 + random_below(BANK_MAX_TOOL_POINTS);
         uint32_t blocks = random_below(3) ? 1 + random_below(500) : 0;
         double limit = floor(random_range(2e4, 2e6));
-        bool kept = worst_tick_fit(&contact, 0, points, blocks, limit);
-        assert_true(kept == (worst_tick(&contact, 0, points, blocks) <= limit));
+        bool kept = worst_tick_fit(&contact, none, points, blocks, limit);
+        assert_true(kept == (worst_tick(&contact, none, points, blocks) <= limit));
         if (kept && contact.row_work) { /* 0 is the image's own, which is the most */
             contact.row_work++;
-            assert_true(worst_tick(&contact, 0, points, blocks) > limit ||
+            assert_true(worst_tick(&contact, none, points, blocks) > limit ||
                         contact.row_work * BANK_ROW_WORK_UNIT > ROW_CACHE_WORK);
         }
         if (!kept && blocks)
@@ -138,17 +140,20 @@ static void more_points_steps_and_rows_take_more(void **state)
     struct bank_contact few = {.solver_steps = 3, .row_work = 10}, steps = few, rows = few;
     steps.solver_steps = 4;
     rows.row_work = 11;
-    assert_true(worst_tick(&few, 0, 7, 100) < worst_tick(&few, 0, 8, 100));
-    assert_true(worst_tick(&few, 0, 7, 100) < worst_tick(&steps, 0, 7, 100));
-    assert_true(worst_tick(&few, 0, 7, 100) < worst_tick(&rows, 0, 7, 100));
+    assert_true(worst_tick(&few, none, 7, 100) < worst_tick(&few, none, 8, 100));
+    assert_true(worst_tick(&few, none, 7, 100) < worst_tick(&steps, none, 7, 100));
+    assert_true(worst_tick(&few, none, 7, 100) < worst_tick(&rows, none, 7, 100));
     few.row_work = rows.row_work = 0;
     rows.row_work = ROW_CACHE_WORK / BANK_ROW_WORK_UNIT;
-    assert_true(worst_tick(&few, 0, 7, 100) == worst_tick(&rows, 0, 7, 100));
+    assert_true(worst_tick(&few, none, 7, 100) == worst_tick(&rows, none, 7, 100));
     /* with friction the sweeps count, not the factorisations */
-    assert_true(worst_tick(&few, 5, 7, 100) < worst_tick(&few, 6, 7, 100));
+    assert_true(worst_tick(&few, five, 7, 100) < worst_tick(&few, six, 7, 100));
     steps = few;
     steps.solver_steps = 4;
-    assert_true(worst_tick(&few, 5, 7, 100) == worst_tick(&steps, 5, 7, 100));
+    assert_true(worst_tick(&few, five, 7, 100) == worst_tick(&steps, five, 7, 100));
+    const struct worst_effects swing = {.modes = 1}, visco = {.branches = 1};
+    assert_true(worst_tick(&few, none, 7, 100) < worst_tick(&few, swing, 7, 100));
+    assert_true(worst_tick(&few, none, 7, 100) < worst_tick(&few, visco, 7, 100));
 }
 
 int main(void)

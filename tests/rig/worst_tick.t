@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+# not sanitised: it measures the controller's images, which are built once
+"""The build's bound of the worst tick (host/bank/worst_tick.h) with each effect, against ticks counted on the emulated Cortex-M7.
+
+The bank is plain, so that reading rows, which budgets.t holds against the bound, takes no part. The tools: ten points near each other,
+whose triangles share vertices, and sixteen as far apart as the demo's organ lets them. The motions: across the surface at 1 m/s, and two
+that no hand could make, with samples lost and the tool elsewhere after. An effect of shared/effects.def joins by itself.
+"""
+
+import os
+import pathlib
+import sys
+import tempfile
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE]
+import effects
+import emulated
+
+STEPS = 6  # of the solver without friction: a motion takes no more, and the bound counts every one
+TOOLS = [("ten points on 5 mm", 10, 5), ("sixteen points on 20 mm", 16, 20)]
+STROKES = ("approach 0.3 s\npress 10 mm in 0.3 s\n%s" + "slide 40 mm 0 mm in 0.075 s\nslide -40 mm 0 mm in 0.075 s\n" * 5)
+PRESS = "approach 0.3 s\npress 12 mm in 0.3 s\n%shold 2 s\n"
+MOTIONS = [(STROKES, ["--jumps", 400, "--period", 6]), (PRESS, ["--jumps", 1000])]
+
+
+def scene(place, name, points, radius_mm):
+    path = effects.scene(place, "%s-%d" % (name or "base", points), effects.example(name) if name else "{}")
+    text = path.read_text()
+    for old, new in [("points: 10", "points: %d" % points), ("radius: 5 mm", "radius: %d mm" % radius_mm),
+                     ("{steps: 24}", "{steps: %d}" % STEPS)]:
+        if old not in text:
+            raise RuntimeError("the demo's scene no longer says " + old)
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+def worst(place, plugin, port, bank, closes):
+    """Of all motions; the jaws close where the tool presses, if it has some that do."""
+    most = 0
+    for number, (motion, options) in enumerate(MOTIONS):
+        gesture, answers, log = (place / (word + str(number)) for word in ("gesture", "answers", "log"))
+        gesture.write_text(motion % ("close 0.1 s\n" if closes else ""))
+        emulated.record(bank, gesture, answers, log, *options)
+        ticks, _ = emulated.count_ticks(port, plugin, bank, answers, place / "out", place / "ticks", "node_finish_tick", "node_transmit")
+        most = max(most, *ticks)
+    return most
+
+
+def main():
+    port = emulated.CortexM7()
+    cases = [("", "base")] + [(name, name) for _, _, name, *_ in effects.table()]
+    print("1..%d" % (len(cases) * len(TOOLS)))
+    failed, number, why = False, 0, port.missing()
+    with tempfile.TemporaryDirectory(prefix="trocar-worst-") as folder:
+        place = pathlib.Path(folder)
+        plugin = None if why else emulated.build_plugin(place)
+        for name, title in cases:
+            for tool, points, radius_mm in TOOLS:
+                number += 1
+                claim = "%s, %s: the bound is above every tick, and within twice the worst" % (title, tool)
+                if why:
+                    print("ok %d - %s # SKIP %s" % (number, claim, why))
+                    continue
+                bank = place / "bank"
+                bound = emulated.build_bank(bank, scene(place, name, points, radius_mm), "--plain")["worst_tick_instructions"]
+                counted = worst(place, plugin, port.with_effects() if name else port, bank, name == "grasp")
+                good = counted <= bound <= 2 * counted
+                failed = failed or not good
+                print("%sok %d - %s\n# %d of %d, %.2f" % ("" if good else "not ", number, claim, counted, bound, bound / counted))
+                sys.stdout.flush()
+    return 1 if failed else 0
+
+
+sys.exit(main())
