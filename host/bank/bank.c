@@ -103,6 +103,16 @@ void bank_unload(struct bank_file *bank)
     *bank = (struct bank_file){0};
 }
 
+struct scene *bank_scene(const struct bank_file *bank)
+{
+    struct scene *scene = bank->scene_text ? calloc(1, sizeof *scene) : NULL;
+    struct failure ignored;
+    if (scene && !scene_parse(bank->scene_text, strlen(bank->scene_text), "the bank's scene", scene, &ignored))
+        return scene;
+    free(scene);
+    return NULL;
+}
+
 /* `file` as seen from the folder of `out`, or "" when that cannot be told. */
 static void relative_path(const char *file, const char *out, char *relative, size_t room)
 {

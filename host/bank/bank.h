@@ -63,6 +63,8 @@ struct bank_file {
 };
 int bank_load(const char *path, struct bank_file *bank, struct failure *why);
 void bank_unload(struct bank_file *bank);
+/* The scene that the bank was built from (free); NULL when the bank does not tell, or without memory. */
+struct scene *bank_scene(const struct bank_file *bank);
 /* Fill `why` from a refusal by bank_view_open: names section and record, and which side to upgrade. Returns `status`.
  */
 int bank_refusal(int status, const struct bank_view *view, const void *bytes, size_t length, const char *path,

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bank_format.h"
+
 int cli_positive(const char *option, const char *text, double *value, struct failure *why)
 {
     char *end;
@@ -39,6 +41,17 @@ int cli_bad_option(const char *verb, int answer, char **argv, struct failure *wh
     const char *word = optopt > 0 && optopt < 128 && answer == '?' ? letter : argv[optind - 1];
     return failure_set(why, STATUS_USAGE, NULL, remedy, "the option %.60s %s", word,
                        answer == ':' ? "needs a value" : "is not known");
+}
+
+int cli_each(const char *option, const char *argument, const char **values, struct failure *why)
+{
+    for (int i = 0; i < BANK_MAX_INSTRUMENTS; i++)
+        if (!values[i]) {
+            values[i] = argument;
+            return STATUS_OK;
+        }
+    return failure_set(why, STATUS_USAGE, NULL, "leave one out", "%s is given more often than the %d instruments",
+                       option, (int)BANK_MAX_INSTRUMENTS);
 }
 
 void cli_warn(const struct failure *why)

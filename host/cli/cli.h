@@ -18,6 +18,9 @@ verb_function verb_device, verb_busload, verb_monitor, verb_record, verb_replay,
 int cli_positive(const char *option, const char *text, double *value, struct failure *why);
 /* Parse a whole number within limits, or fail the same way. */
 int cli_whole(const char *option, const char *text, uint64_t low, uint64_t high, uint64_t *value, struct failure *why);
+/* An option that may be given once for each instrument, in their order: the next of BANK_MAX_INSTRUMENTS values that are NULL at
+ * first. STATUS_USAGE when there is none left. */
+int cli_each(const char *option, const char *argument, const char **values, struct failure *why);
 /* run --bus: the host of a controller that is out there. `torque_log` NULL: none. */
 struct remote_options;
 int run_remote(const struct remote_options *options, bool json, struct failure *why);

@@ -21,13 +21,13 @@ int source_option(struct source_request *request, int answer, const char *argume
         request->options.bus = argument;
         break;
     case SOURCE_GESTURE:
-        session->gesture = argument;
+        status = cli_each("--gesture", argument, session->gesture, why);
         break;
     case SOURCE_TICKS:
         status = cli_whole("--ticks", argument, 1, 1000000000, &session->ticks, why);
         break;
     case SOURCE_DEVICE:
-        session->device = argument;
+        status = cli_each("--device", argument, session->device, why);
         break;
     case SOURCE_FAULTS:
         status = faults_option(argument, &session->faults, why);

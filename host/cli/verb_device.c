@@ -97,13 +97,13 @@ int verb_device(int argc, char **argv, struct failure *why)
     if (!status)
         status = device_process_run(&process, cli_warn, why);
     if (process.backend) {
-        const struct device *d = &process.node.device;
+        const struct device *d = &process.bench.node.device;
         const struct backend_counters *c = backend_counters(process.backend);
         fprintf(stderr,
                 "%llu ticks (%llu SYNC lost), %u torques taken, %u refused, %u late; %llu samples without room on the "
                 "bus, motors dropped %u times, %llu frames lost here\n",
                 (unsigned long long)process.ticks, (unsigned long long)process.skipped, d->commands_received,
-                d->commands_rejected, process.node.late, (unsigned long long)process.unsent, d->silences,
+                d->commands_rejected, process.bench.node.late, (unsigned long long)process.unsent, d->silences,
                 (unsigned long long)c->dropped);
     }
     device_process_end(&process);

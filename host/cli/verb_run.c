@@ -76,12 +76,13 @@ static void help(void)
         "       trocar run --bus BUS [--node N] [--ticks N] [--torque-log FILE] [--json]\n\n"
         "Runs the simulated instrument and hand, the controller and the host on a simulated CAN bus, 1 ms a tick, in\n"
         "lockstep: the same input gives the same torques, byte for byte. A scene's bank is built first.\n\n"
-        "  -g, --gesture G        what the hand does: %s, or a file (default press)\n"
+        "  -g, --gesture G        what the hand does: %s, or a file (default press); a\n"
+        "                         second one is the second instrument's\n"
         "      --print-gesture G  print a built-in gesture's text, to start your own from\n"
         "  -n, --ticks N          so many ticks (default: the whole gesture)\n"
         "  -o, --output FILE      keep the scene's bank in FILE\n"
         "      --bank FILE        use this bank of the scene instead of building it\n"
-        "      --device NAME      the instrument (default: the scene's; known: %s)\n"
+        "      --device NAME      the instrument (default: the scene's; known: %s); a second one as above\n"
         "      --torque-log FILE  write the torque frames as a candump log\n"
         "      --no-fem           do not compare with the full finite-element solve\n"
         "      --fem-every N      compare at every N-th tick in contact (default: 8 to 16 spread over the run)\n"
@@ -133,7 +134,7 @@ static int parse(struct run *run, int argc, char **argv, bool *done, struct fail
             *done = true;
             return print_gesture(optarg, why);
         case 'g':
-            run->options.gesture = optarg;
+            status = cli_each("--gesture", optarg, run->options.gesture, why);
             break;
         case 'n':
             status = cli_whole("--ticks", optarg, 1, 1000000000, &run->options.ticks, why);
@@ -145,7 +146,7 @@ static int parse(struct run *run, int argc, char **argv, bool *done, struct fail
             run->bank_path = optarg;
             break;
         case OPTION_DEVICE:
-            run->options.device = optarg;
+            status = cli_each("--device", optarg, run->options.device, why);
             break;
         case OPTION_BUS:
             run->bus = strcmp(optarg, "soft") ? optarg : NULL;

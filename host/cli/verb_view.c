@@ -47,7 +47,7 @@ static int parse(struct request *request, int argc, char **argv, bool *done, str
 {
     uint64_t n = 0;
     int status = STATUS_OK;
-    *request = (struct request){.port = -1, .session = {.realtime = true, .endless = true}};
+    *request = (struct request){.port = -1, .session = {.realtime = true, .endless = true, .repeat = true}};
     opterr = 0;
     optind = 1;
     for (int o; !status && (o = getopt_long(argc, argv, ":g:n:", long_options, NULL)) != -1;)
@@ -57,7 +57,7 @@ static int parse(struct request *request, int argc, char **argv, bool *done, str
             *done = true;
             return STATUS_OK;
         case 'g':
-            request->session.gesture = optarg;
+            status = cli_each("--gesture", optarg, request->session.gesture, why);
             break;
         case 'n':
             status = cli_whole("--ticks", optarg, 1, 1000000000, &request->session.ticks, why);
@@ -68,7 +68,7 @@ static int parse(struct request *request, int argc, char **argv, bool *done, str
             request->port = (int)n;
             break;
         case OPTION_DEVICE:
-            request->session.device = optarg;
+            status = cli_each("--device", optarg, request->session.device, why);
             break;
         case OPTION_BUS:
             request->bus = strcmp(optarg, "soft") ? optarg : NULL;
@@ -86,9 +86,9 @@ static int parse(struct request *request, int argc, char **argv, bool *done, str
                            optind >= argc ? "no scene or bank is given" : "view takes one scene or bank");
     if (request->node && !request->bus)
         return failure_set(why, STATUS_USAGE, NULL, "add --bus, or leave it out", "--node goes with --bus");
-    if (request->bus && (request->session.gesture || request->session.device))
+    if (request->bus && (*request->session.gesture || *request->session.device))
         return failure_set(why, STATUS_USAGE, NULL, "give it to trocar device", "%s does not go with --bus",
-                           request->session.gesture ? "--gesture" : "--device");
+                           *request->session.gesture ? "--gesture" : "--device");
     request->file = argv[optind];
     return STATUS_OK;
 }
@@ -102,9 +102,6 @@ static int serve(const struct bank_file *bank, const struct request *request, st
     if (!status)
         status = serve_open(bank, request->port, &view, why);
     if (!status) {
-        struct gesture gesture = *session_hand(session)->gesture;
-        gesture.repeat = HAND_MAX_REPEAT;
-        session_hand(session)->gesture = &gesture;
         printf("http://127.0.0.1:%u/\n", (unsigned)view_port(view));
         fflush(stdout);
         while (session_tick(session) && serve_session(session, view))

@@ -30,27 +30,20 @@ int bench_device(const char *name, const struct bank_tool *tool, struct device_m
     return STATUS_OK;
 }
 
-int bench_choose(const char *name, const struct bank_file *bank, struct device_model *model, struct failure *why)
+int bench_choose(const char *name, const struct bank_file *bank, uint32_t tool, struct device_model *model,
+                 struct failure *why)
 {
-    const struct bank_tool *tool = &bank->view.tools[0];
-    struct failure unreadable;
-    if (name || !bank->scene_text)
-        return bench_device(name, tool, model, why);
-    struct scene *scene = calloc(1, sizeof *scene);
-    if (!scene)
-        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the scene");
-    const char *text = bank->scene_text;
-    if (!scene_parse(text, strlen(text), "the bank's scene", scene, &unreadable) && scene->instrument_count > 0 &&
-        *scene->instrument[0].device)
-        name = scene->instrument[0].device;
-    int status = bench_device(name, tool, model, why);
+    struct scene *scene = name ? NULL : bank_scene(bank);
+    if (scene && scene->instrument_count > tool && *scene->instrument[tool].device)
+        name = scene->instrument[tool].device;
+    int status = bench_device(name, &bank->view.tools[tool], model, why);
     free(scene);
     return status;
 }
 
-int bench_hand(const struct bank_view *bank, struct hand *hand, struct failure *why)
+int bench_hand(const struct bank_view *bank, uint32_t number, struct hand *hand, struct failure *why)
 {
-    const struct bank_tool *tool = &bank->tools[0];
+    const struct bank_tool *tool = &bank->tools[number];
     double shortest = (double)tool->axis[2].minimum, longest = (double)tool->axis[2].maximum, lead = 0;
     for (uint32_t p = 0; p < tool->point_count; p++)
         lead = fmax(lead, (double)tool->point_m[p][2]);
@@ -82,4 +75,57 @@ void bench_gravity(const struct bank_tool *tool, double direction[3])
         for (int i = 0; i < 3; i++)
             direction[j] += (double)tool->rotation[3 * i + j] * (double)tool->gravity_direction[i];
     }
+}
+
+int bench_start(struct bench_instrument *b, const struct bank_file *bank, uint32_t tool, const char *gesture,
+                const char *device, uint8_t node_id, struct failure *why)
+{
+    const char *name = gesture ? gesture : "press";
+    char message[300] = "";
+    long line = 0;
+    *b = (struct bench_instrument){.driven = false};
+    int status = gesture_read(name, &b->gesture, message, sizeof message, &line);
+    if (status)
+        return failure_at(why, (enum status)status, name, line, NULL, "%s", message);
+    status = bench_choose(device, bank, tool, &b->model, why);
+    if (!status)
+        status = bench_hand(&bank->view, tool, &b->hand, why);
+    if (status)
+        return status;
+    b->hand.gesture = &b->gesture;
+    device_node_start(&b->node, &b->model, &b->hand, node_id);
+    bench_gravity(&bank->view.tools[tool], b->node.device.gravity_direction);
+    return STATUS_OK;
+}
+
+void bench_drive(struct bench_instrument *b, bool driven, const double target_m[3], double time_s)
+{
+    if (driven && !b->driven && !b->hand.overridden)
+        hand_target(&b->hand, time_s, b->hand.override_m); /* from where it is */
+    b->driven = driven;
+    if (driven) {
+        memcpy(b->drive_m, target_m, sizeof b->drive_m);
+        b->hand.overridden = 1;
+    }
+}
+
+void bench_drive_tick(struct bench_instrument *b, double time_s)
+{
+    struct hand *hand = &b->hand;
+    double goal[3], distance = 0;
+    if (!b->driven && !hand->overridden)
+        return;
+    hand->overridden = 0;
+    hand_target(hand, time_s, goal);
+    hand->overridden = 1;
+    if (b->driven)
+        memcpy(goal, b->drive_m, sizeof goal);
+    for (int i = 0; i < 3; i++)
+        distance += (goal[i] - hand->override_m[i]) * (goal[i] - hand->override_m[i]);
+    distance = sqrt(distance);
+    double step = 1e-3 * BENCH_DRIVE_m_s, part = distance > step ? step / distance : 1;
+    for (int i = 0; i < 3; i++)
+        hand->override_m[i] += part * (goal[i] - hand->override_m[i]);
+    if (part == 1 && !b->driven)
+        hand->overridden = 0;
 }

@@ -2,31 +2,20 @@
 
 #include <string.h>
 
-#include "bench.h"
 #include "progress.h"
 #include "wire.h"
 
 int device_process_start(struct device_process *p, const struct bank_file *bank, const char *bus,
                          const struct device_process_options *options, struct failure *why)
 {
-    const char *name = options->gesture ? options->gesture : "press";
-    char message[300] = "";
-    long line = 0;
     memset(p, 0, sizeof *p);
     p->options = *options;
-    int status = gesture_read(name, &p->gesture, message, sizeof message, &line);
-    if (status)
-        return failure_at(why, (enum status)status, name, line, NULL, "%s", message);
-    status = bench_choose(options->device, bank, &p->model, why);
-    if (!status)
-        status = bench_hand(&bank->view, &p->hand, why);
+    int status =
+        bench_start(&p->bench, bank, options->instrument, options->gesture, options->device, options->node, why);
     if (status)
         return status;
     if (options->repeat)
-        p->gesture.repeat = HAND_MAX_REPEAT;
-    p->hand.gesture = &p->gesture;
-    device_node_start(&p->node, &p->model, &p->hand, options->node);
-    bench_gravity(&bank->view.tools[0], p->node.device.gravity_direction);
+        p->bench.gesture.repeat = HAND_MAX_REPEAT;
     const struct backend_filter filter[] = {{WIRE_SYNC_ID, 0x7FF}, {WIRE_TORQUES_ID + (uint32_t)options->node, 0x7FF}};
     const struct backend_options heard = {.filter = filter, .filters = 2};
     return backend_open(bus, &heard, &p->backend, why);
@@ -42,7 +31,8 @@ static void advance(struct device_process *p, uint32_t to_us)
 {
     if (to_us <= p->since_sample_us)
         return;
-    device_step(&p->node.device, &p->hand, gesture_time_s(p) + 1e-6 * p->since_sample_us, to_us - p->since_sample_us);
+    device_step(&p->bench.node.device, &p->bench.hand, gesture_time_s(p) + 1e-6 * p->since_sample_us,
+                to_us - p->since_sample_us);
     p->since_sample_us = to_us;
 }
 
@@ -56,7 +46,7 @@ static void begin_tick(struct device_process *p, uint8_t counter)
     }
     p->skipped += step > 1 ? step - 1 : 0;
     p->counter = counter;
-    if (!p->moving && (p->node.device.enabled || p->ticks >= DEVICE_PROCESS_WAIT_TICKS)) {
+    if (!p->moving && (p->bench.node.device.enabled || p->ticks >= DEVICE_PROCESS_WAIT_TICKS)) {
         p->moving = true;
         p->gesture_tick = p->ticks;
     }
@@ -66,7 +56,7 @@ static bool over(const struct device_process *p)
 {
     if (p->options.ticks)
         return p->ticks >= p->options.ticks;
-    return p->moving && gesture_time_s(p) >= gesture_duration_s(&p->gesture) + 1e-3 * DEVICE_PROCESS_SETTLE_TICKS;
+    return p->moving && gesture_time_s(p) >= gesture_duration_s(&p->bench.gesture) + 1e-3 * DEVICE_PROCESS_SETTLE_TICKS;
 }
 
 static int hear(struct device_process *p, const struct can_frame_t *frame, struct failure *why)
@@ -77,7 +67,7 @@ static int hear(struct device_process *p, const struct can_frame_t *frame, struc
         begin_tick(p, sync.counter);
     else
         advance(p, DEVICE_PROCESS_TORQUE_US);
-    if (!device_node_receive(&p->node, frame, &reply))
+    if (!device_node_receive(&p->bench.node, frame, &reply))
         return STATUS_OK;
     const int status = backend_send(p->backend, &reply, 0, why);
     p->unsent += status == 0;
@@ -92,7 +82,7 @@ int device_process_run(struct device_process *p, void (*say)(const struct failur
         if (status == 1)
             status = hear(p, &received.frame, why);
         else if (status == 0 && p->ticks && !interrupted())
-            device_step(&p->node.device, &p->hand, gesture_time_s(p), DEVICE_SILENCE_US);
+            device_step(&p->bench.node.device, &p->bench.hand, gesture_time_s(p), DEVICE_SILENCE_US);
         if (status == STATUS_BUS_DOWN || status == STATUS_BUS_LOST)
             say(why);
         else if (status < 0)

@@ -11,9 +11,7 @@
 #include <stdint.h>
 
 #include "backend.h"
-#include "bank.h"
-#include "device_node.h"
-#include "hand.h"
+#include "bench.h"
 
 enum {
     DEVICE_PROCESS_TORQUE_US = 550, /* SPEC.md, one tick: torque arrives by 635, SYNC by 65 */
@@ -26,6 +24,7 @@ enum {
 struct device_process_options {
     const char *gesture; /* name or file; NULL: press */
     const char *device;  /* NULL: the bank's */
+    uint32_t instrument; /* of the bank */
     uint8_t node;
     uint64_t ticks; /* SYNCs; 0: until the gesture is over */
     bool repeat;    /* the gesture over and over */
@@ -33,10 +32,7 @@ struct device_process_options {
 
 struct device_process {
     struct device_process_options options;
-    struct gesture gesture;
-    struct hand hand;
-    struct device_model model;
-    struct device_node node;
+    struct bench_instrument bench;
     struct backend *backend;
     uint64_t ticks, gesture_tick, unsent; /* unsent: encoder frames that the bus had no room for */
     uint64_t skipped;                     /* ticks whose SYNC was lost */

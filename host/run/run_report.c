@@ -18,6 +18,13 @@ void run_report_table(FILE *out, const struct session_result *r)
     fprintf(out, "%-26s %llu, at most %u points, deepest %.1f mm\n", "ticks in contact",
             (unsigned long long)r->contact_ticks, r->max_contacts, 1e3 * r->max_depth_m);
     fprintf(out, "%-26s %.3f N (contact system %.3f N)\n", "peak force", r->peak_force_N, r->peak_contact_force_N);
+    for (uint32_t t = 0; t < r->instruments && r->instruments > 1; t++) {
+        const struct session_instrument *i = &r->instrument[t];
+        char label[40];
+        snprintf(label, sizeof label, "  %.20s", *i->name ? i->name : t ? "second" : "first");
+        fprintf(out, "%-26s %.3f N, in contact for %llu ticks, at most %u points, deepest %.1f mm\n", label,
+                i->peak_force_N, (unsigned long long)i->contact_ticks, i->max_contacts, 1e3 * i->max_depth_m);
+    }
     if (r->fem_known)
         fprintf(out, "%-26s %.2g of %.3f N, over %u ticks\n", "error against full FE", r->force_error_vs_fem,
                 r->peak_fem_force_N, r->fem_compared);
@@ -51,6 +58,28 @@ static void real(struct json_object *o, const char *key, double value)
 static void text(struct json_object *o, const char *key, const char *value)
 {
     json_object_object_add(o, key, json_object_new_string(value));
+}
+
+static struct json_object *instrument(const struct session_result *r, const struct session_instrument *i)
+{
+    struct json_object *o = json_object_new_object();
+    text(o, "name", i->name);
+    real(o, "peak_force_N", i->peak_force_N);
+    real(o, "peak_contact_force_N", i->peak_contact_force_N);
+    if (r->fem_known) {
+        real(o, "force_error_vs_fem", i->force_error_vs_fem);
+        real(o, "peak_fem_force_N", i->peak_fem_force_N);
+    }
+    integer(o, "contact_ticks", i->contact_ticks);
+    integer(o, "max_contacts", i->max_contacts);
+    real(o, "max_depth_m", i->max_depth_m);
+    text(o, "state", state_name[i->safety.state & 3]);
+    text(o, "reason", i->safety.reason ? status_name(i->safety.reason) : "");
+    integer(o, "missed", i->safety.missed);
+    integer(o, "clamps", i->clamps);
+    integer(o, "rate_limits", i->rate_limits);
+    integer(o, "passivity_interventions", i->passivity_interventions);
+    return o;
 }
 
 static void fill(struct json_object *o, const struct session_result *r)
@@ -104,6 +133,10 @@ static void fill(struct json_object *o, const struct session_result *r)
     integer(o, "bus_reordered", r->bus.reordered);
     integer(o, "bus_overflowed", r->bus.overflowed);
     real(o, "seconds", r->seconds);
+    struct json_object *list = json_object_new_array();
+    for (uint32_t t = 0; t < r->instruments; t++)
+        json_object_array_add(list, instrument(r, &r->instrument[t]));
+    json_object_object_add(o, "instruments", list);
 }
 
 int run_report_json(FILE *out, const struct session_result *result, struct failure *why)

@@ -4,9 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bench.h"
 #include "clock.h"
-#include "device_node.h"
 #include "fem_force.h"
 #include "progress.h"
 #include "torque_log.h"
@@ -14,26 +12,29 @@
 
 enum { NMT_START = 1, NMT_STOP = 2, NMT_OPERATIONAL = 5, HOST_PERIOD_TICKS = 100 };
 
+/* One instrument with its hand, and what the host knows of it. */
+struct station {
+    struct session *session;
+    struct bench_instrument bench;
+    struct link link;
+    int port; /* of the device */
+    bool wants_start;
+};
+
 struct session {
     const struct bank_file *bank;
     const struct body *body;
     struct session_options options;
-    struct gesture gesture;
-    struct hand hand;
-    struct device_model model; /* the catalogue's mechanics with the bank's calibration */
-    struct device_node device;
+    uint32_t count;
+    struct station station[SESSION_INSTRUMENTS];
     struct node node;
     void *rows; /* the controller's memory for rows of the bank */
-    struct link link;
     struct bus *bus;
-    int node_port, device_port, host_port;
+    int node_port, host_port;
     struct torque_log log;
     struct fem_record record;
-    uint64_t tick, gesture_tick; /* the hand moves from gesture_tick on */
-    bool gesturing;
-    bool wants_start, overrun;
-    bool driven; /* the hand goes to drive_m */
-    double drive_m[3];
+    uint64_t tick, gesture_tick; /* the hands move from gesture_tick on */
+    bool gesturing, overrun;
     uint8_t command; /* NMT to send with the next tick, 0: none */
     double started_s;
     struct clock clock;
@@ -52,18 +53,20 @@ static void node_hears(void *context, const struct can_frame_t *frame, uint64_t 
 static void device_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
 {
     (void)time_us;
-    struct session *s = context;
+    struct station *at = context;
     struct can_frame_t reply;
-    if (device_node_receive(&s->device, frame, &reply))
-        bus_send(s->bus, s->device_port, &reply);
+    if (device_node_receive(&at->bench.node, frame, &reply))
+        bus_send(at->session->bus, at->port, &reply);
 }
 
 static void host_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
 {
     struct session *s = context;
-    link_receive(&s->link, frame, time_us);
-    if (frame->id == (uint32_t)WIRE_TORQUES_ID + SESSION_NODE)
-        torque_log_frame(&s->log, frame, time_us);
+    for (uint32_t t = 0; t < s->count; t++) {
+        link_receive(&s->station[t].link, frame, time_us);
+        if (frame->id == (uint32_t)WIRE_TORQUES_ID + SESSION_NODE + t)
+            torque_log_frame(&s->log, frame, time_us);
+    }
 }
 
 static void send_queued(struct session *s)
@@ -73,9 +76,9 @@ static void send_queued(struct session *s)
         bus_send(s->bus, s->node_port, &frame);
 }
 
-static void send_nmt(struct session *s, uint8_t command)
+static void send_nmt(struct session *s, uint32_t t, uint8_t command)
 {
-    const struct wire_nmt nmt = {.command = command, .node = SESSION_NODE};
+    const struct wire_nmt nmt = {.command = command, .node = (uint8_t)(SESSION_NODE + t)};
     struct can_frame_t frame = {.id = WIRE_NMT_ID, .length = WIRE_NMT_LENGTH};
     wire_nmt_pack(frame.data, &nmt);
     bus_send(s->bus, s->host_port, &frame);
@@ -92,20 +95,26 @@ static void send_heartbeat(struct session *s)
 /* What a host does, from what it has heard. */
 static void host_tick(struct session *s)
 {
-    if (s->command) {
-        send_nmt(s, s->command);
-        s->wants_start = s->command == NMT_START;
-        s->result.stopped = s->command == NMT_STOP;
-        s->command = 0;
+    bool all_run = true;
+    for (uint32_t t = 0; t < s->count; t++) {
+        struct station *at = &s->station[t];
+        if (s->command) {
+            send_nmt(s, t, s->command);
+            at->wants_start = s->command == NMT_START;
+            s->result.stopped = s->command == NMT_STOP;
+        }
+        if (at->link.state == SAFETY_RUN)
+            at->wants_start = false; /* once is enough: after a doubt a person must decide */
+        all_run = all_run && at->link.state == SAFETY_RUN;
     }
-    if (s->link.state == SAFETY_RUN)
-        s->wants_start = false; /* once is enough: after a doubt a person must decide */
+    s->command = 0;
     if (s->tick % HOST_PERIOD_TICKS == 0) {
         send_heartbeat(s);
-        if (s->wants_start && s->link.state == SAFETY_READY)
-            send_nmt(s, NMT_START);
+        for (uint32_t t = 0; t < s->count; t++)
+            if (s->station[t].wants_start && s->station[t].link.state == SAFETY_READY)
+                send_nmt(s, t, NMT_START);
     }
-    if (!s->gesturing && (s->link.state == SAFETY_RUN || s->tick >= SESSION_WAIT_TICKS)) {
+    if (!s->gesturing && (all_run || s->tick >= SESSION_WAIT_TICKS)) {
         s->gesturing = true;
         s->gesture_tick = s->tick;
     }
@@ -113,24 +122,19 @@ static void host_tick(struct session *s)
 
 /* ---- start ---- */
 
-static int read_gesture(struct session *s, struct failure *why)
-{
-    const char *name = s->options.gesture ? s->options.gesture : "press";
-    char message[300] = "";
-    long line = 0;
-    int status = gesture_read(name, &s->gesture, message, sizeof message, &line);
-    return status ? failure_at(why, (enum status)status, name, line, NULL, "%s", message) : STATUS_OK;
-}
-
 static int attach(struct session *s, struct failure *why)
 {
     s->bus = bus_create(SESSION_BIT_RATE);
     if (!s->bus)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the bus");
     s->node_port = bus_attach(s->bus, node_hears, s);
-    s->device_port = bus_attach(s->bus, device_hears, s);
+    bool attached = s->node_port >= 0;
+    for (uint32_t t = 0; t < s->count; t++) {
+        s->station[t].port = bus_attach(s->bus, device_hears, &s->station[t]);
+        attached = attached && s->station[t].port >= 0;
+    }
     s->host_port = bus_attach(s->bus, host_hears, s);
-    if (s->node_port < 0 || s->device_port < 0 || s->host_port < 0)
+    if (!attached || s->host_port < 0)
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for the bus");
     const struct bus_faults *f = &s->options.faults;
     if (f->drop > 0 || f->duplicate > 0 || f->delay > 0 || f->corrupt > 0 || f->reorder > 0)
@@ -148,13 +152,21 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     s->bank = bank;
     s->body = body;
     s->options = *options;
-    s->wants_start = true;
-    int status = read_gesture(s, why);
-    if (!status)
-        status = bench_choose(s->options.device, bank, &s->model, why);
-    if (!status)
-        status = bench_hand(&bank->view, &s->hand, why);
-    s->hand.gesture = &s->gesture;
+    s->count = 1;
+    int status = STATUS_OK;
+    for (uint32_t t = 0; t < s->count && !status; t++) {
+        s->station[t].session = s;
+        s->station[t].wants_start = true;
+        link_start(&s->station[t].link, (uint8_t)(SESSION_NODE + t));
+        status = bench_start(&s->station[t].bench, bank, t, options->gesture[t], options->device[t],
+                             (uint8_t)(SESSION_NODE + t), why);
+        if (options->repeat)
+            s->station[t].bench.gesture.repeat = HAND_MAX_REPEAT;
+    }
+    for (uint32_t t = s->count; t < SESSION_INSTRUMENTS && !status; t++)
+        if (options->gesture[t] || options->device[t])
+            status = failure_set(why, STATUS_USAGE, NULL, "leave it out",
+                                 "a gesture or device is given for instrument %u, and there are %u", t + 1, s->count);
     if (!status)
         status = attach(s, why);
     size_t rows = row_cache_memory(&bank->view);
@@ -170,9 +182,6 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     fem_record_start(&s->record, options->fem_every);
     node_start(&s->node, &bank->view, 0, SESSION_NODE, s->rows, rows);
     send_queued(s);
-    device_node_start(&s->device, &s->model, &s->hand, SESSION_NODE);
-    bench_gravity(&bank->view.tools[0], s->device.device.gravity_direction);
-    link_start(&s->link, SESSION_NODE);
     s->started_s = seconds_now();
     clock_begin(&s->clock);
     *session = s;
@@ -190,13 +199,21 @@ static void account(struct session *s)
 {
     const struct controller *c = &s->node.controller;
     struct session_result *r = &s->result;
-    r->ran |= c->safety.state == SAFETY_RUN;
-    r->peak_force_N = fmax(r->peak_force_N, length(c->coupling.force_N));
-    r->peak_contact_force_N = fmax(r->peak_contact_force_N, length(c->contact.force_N));
+    for (uint32_t t = 0; t < s->count; t++) {
+        struct session_instrument *i = &r->instrument[t];
+        i->ran |= c->safety.state == SAFETY_RUN;
+        i->peak_force_N = fmax(i->peak_force_N, length(c->coupling.force_N));
+        i->peak_contact_force_N = fmax(i->peak_contact_force_N, length(c->contact.force_N));
+        unsigned contacts = 0;
+        for (uint32_t k = 0; k < c->contact.count; k++) {
+            contacts++;
+            i->max_depth_m = fmax(i->max_depth_m, (double)c->contact.contact[k].depth_m);
+        }
+        i->contact_ticks += contacts > 0;
+        i->max_contacts = contacts > i->max_contacts ? contacts : i->max_contacts;
+    }
     r->max_contacts = c->contact.count > r->max_contacts ? c->contact.count : r->max_contacts;
     r->max_factors = c->contact.factors > r->max_factors ? c->contact.factors : r->max_factors;
-    for (uint32_t i = 0; i < c->contact.count; i++)
-        r->max_depth_m = fmax(r->max_depth_m, (double)c->contact.contact[i].depth_m);
     fem_record_tick(&s->record, &c->contact,
                     s->bank->view.friction ? &c->friction.system
                     : s->bank->view.grasp  ? &c->grasp.system
@@ -204,31 +221,18 @@ static void account(struct session *s)
                     s->bank->view.viscoelastic ? &c->viscoelastic : NULL, s->tick);
 }
 
-/* One tick's way of the hand's own target towards where it is driven, or back to the gesture. */
-static void drive_tick(struct session *s)
-{
-    struct hand *hand = &s->hand;
-    double goal[3], distance = 0;
-    if (!s->driven && !hand->overridden)
-        return;
-    hand->overridden = 0;
-    hand_target(hand, session_gesture_time_s(s), goal);
-    hand->overridden = 1;
-    if (s->driven)
-        memcpy(goal, s->drive_m, sizeof goal);
-    for (int i = 0; i < 3; i++)
-        distance += (goal[i] - hand->override_m[i]) * (goal[i] - hand->override_m[i]);
-    distance = sqrt(distance);
-    double step = SESSION_DRIVE_m_s * 1e-6 * SESSION_TICK_US, part = distance > step ? step / distance : 1;
-    for (int i = 0; i < 3; i++)
-        hand->override_m[i] += part * (goal[i] - hand->override_m[i]);
-    if (part == 1 && !s->driven)
-        hand->overridden = 0;
-}
-
 double session_gesture_time_s(const struct session *s)
 {
     return s->gesturing ? 1e-3 * (double)(s->tick - s->gesture_tick) : 0;
+}
+
+/* Of the longest gesture. */
+static double end_s(const struct session *s)
+{
+    double longest_s = 0;
+    for (uint32_t t = 0; t < s->count; t++)
+        longest_s = fmax(longest_s, gesture_duration_s(&s->station[t].bench.gesture));
+    return longest_s + 1e-3 * SESSION_SETTLE_TICKS;
 }
 
 static bool over(const struct session *s)
@@ -239,8 +243,7 @@ static bool over(const struct session *s)
         return false;
     if (s->options.ticks)
         return s->tick >= s->options.ticks;
-    double end_s = gesture_duration_s(&s->gesture) + 1e-3 * SESSION_SETTLE_TICKS;
-    return s->gesturing && session_gesture_time_s(s) >= end_s;
+    return s->gesturing && session_gesture_time_s(s) >= end_s(s);
 }
 
 bool session_tick(struct session *s)
@@ -251,7 +254,8 @@ bool session_tick(struct session *s)
         clock_wait(&s->clock, SESSION_TICK_US);
     uint64_t start_us = s->tick * SESSION_TICK_US;
     host_tick(s);
-    drive_tick(s);
+    for (uint32_t t = 0; t < s->count; t++)
+        bench_drive_tick(&s->station[t].bench, session_gesture_time_s(s));
     node_begin_tick(&s->node);
     s->node.input.overrun = s->overrun;
     s->overrun = false;
@@ -262,7 +266,10 @@ bool session_tick(struct session *s)
             send_queued(s);
         }
         bus_run(s->bus, start_us + t + DEVICE_SUBSTEP_US);
-        device_step(&s->device.device, &s->hand, session_gesture_time_s(s) + 1e-6 * t, DEVICE_SUBSTEP_US);
+        for (uint32_t i = 0; i < s->count; i++) {
+            struct bench_instrument *bench = &s->station[i].bench;
+            device_step(&bench->node.device, &bench->hand, session_gesture_time_s(s) + 1e-6 * t, DEVICE_SUBSTEP_US);
+        }
     }
     account(s);
     s->tick++;
@@ -271,14 +278,19 @@ bool session_tick(struct session *s)
 
 /* ---- the outside ---- */
 
-const struct link *session_link(const struct session *s)
+uint32_t session_instruments(const struct session *s)
 {
-    return &s->link;
+    return s->count;
 }
 
-struct hand *session_hand(struct session *s)
+const struct link *session_link(const struct session *s, uint32_t t)
 {
-    return &s->hand;
+    return &s->station[t].link;
+}
+
+struct hand *session_hand(struct session *s, uint32_t t)
+{
+    return &s->station[t].bench.hand;
 }
 
 const struct node *session_node(const struct session *s)
@@ -286,9 +298,9 @@ const struct node *session_node(const struct session *s)
     return &s->node;
 }
 
-const struct device *session_device(const struct session *s)
+const struct device *session_device(const struct session *s, uint32_t t)
 {
-    return &s->device.device;
+    return &s->station[t].bench.node.device;
 }
 
 struct bus *session_bus(struct session *s)
@@ -305,19 +317,12 @@ double session_progress(const struct session *s)
 {
     if (s->options.ticks)
         return (double)s->tick / (double)s->options.ticks;
-    double end_s = gesture_duration_s(&s->gesture) + 1e-3 * SESSION_SETTLE_TICKS;
-    return fmin(session_gesture_time_s(s) / end_s, 1);
+    return fmin(session_gesture_time_s(s) / end_s(s), 1);
 }
 
-void session_drive(struct session *s, bool driven, const double target_m[3])
+void session_drive(struct session *s, uint32_t t, bool driven, const double target_m[3])
 {
-    if (driven && !s->driven && !s->hand.overridden)
-        hand_target(&s->hand, session_gesture_time_s(s), s->hand.override_m); /* from where it is */
-    s->driven = driven;
-    if (driven) {
-        memcpy(s->drive_m, target_m, sizeof s->drive_m);
-        s->hand.overridden = 1;
-    }
+    bench_drive(&s->station[t].bench, driven, target_m, session_gesture_time_s(s));
 }
 
 void session_continue(struct session *s)
@@ -363,8 +368,37 @@ static int compare(struct session *s, struct failure *why)
     r->fem_known = true;
     r->force_error_vs_fem = comparison.error;
     r->fem_compared = comparison.compared;
+    for (uint32_t t = 0; t < s->count; t++) {
+        r->instrument[t].force_error_vs_fem = comparison.error;
+        r->instrument[t].peak_fem_force_N = comparison.peak_force_N;
+    }
     r->peak_fem_force_N = comparison.peak_force_N;
     return STATUS_OK;
+}
+
+/* Names of the scene that the bank was built from. */
+static void name_instruments(struct session *s)
+{
+    struct scene *scene = bank_scene(s->bank);
+    for (size_t t = 0; scene && t < s->count && t < scene->instrument_count; t++)
+        memcpy(s->result.instrument[t].name, scene->instrument[t].name, sizeof s->result.instrument[t].name);
+    free(scene);
+}
+
+static void finish_instrument(struct session *s, uint32_t t)
+{
+    const struct controller *c = &s->node.controller;
+    const struct station *at = &s->station[t];
+    struct session_instrument *i = &s->result.instrument[t];
+    i->safety = c->safety;
+    i->clamps = c->coupling.clamps;
+    i->rate_limits = c->coupling.rate_limits;
+    i->passivity_interventions = c->coupling.passivity_interventions;
+    i->device_rejected = at->bench.node.device.commands_rejected;
+    i->device_late = at->bench.node.late;
+    i->device_silences = at->bench.node.device.silences;
+    i->link_malformed = at->link.malformed;
+    i->link_incomplete = at->link.incomplete_sets;
 }
 
 int session_finish(struct session *s, struct session_result *result, struct failure *why)
@@ -372,24 +406,17 @@ int session_finish(struct session *s, struct session_result *result, struct fail
     struct session_result *r = &s->result;
     const struct controller *c = &s->node.controller;
     r->seconds = seconds_now() - s->started_s;
+    name_instruments(s);
     r->ticks = s->tick;
-    r->missed = c->safety.missed;
-    r->safety = c->safety;
-    r->final_state = c->safety.state;
-    r->reason = c->safety.reason;
     r->contact_ticks = s->record.contact_ticks;
-    r->clamps = c->coupling.clamps;
-    r->rate_limits = c->coupling.rate_limits;
-    r->passivity_interventions = c->coupling.passivity_interventions;
     r->walks_cut = c->collide.walks_cut;
     r->solver_cuts = c->contact.cut;
     r->frames_malformed = s->node.frames_malformed;
     r->queue_overflows = s->node.queue_overflows;
-    r->device_rejected = s->device.device.commands_rejected;
-    r->device_late = s->device.late;
-    r->device_silences = s->device.device.silences;
-    r->link_malformed = s->link.malformed;
-    r->link_incomplete = s->link.incomplete_sets;
+    for (uint32_t t = 0; t < s->count; t++)
+        finish_instrument(s, t);
+    r->instruments = s->count;
+    session_result_sum(r);
     r->bus = *bus_statistics(s->bus);
     r->bus_load = s->tick ? (double)r->bus.busy_us / (double)(s->tick * SESSION_TICK_US) : 0;
     r->torque_frames = s->log.frames;

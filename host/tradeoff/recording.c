@@ -75,7 +75,7 @@ int recording_make(const struct bank_file *bank, const char *gesture, struct rec
 {
     *r = (struct recording){0};
     snprintf(r->gesture, sizeof r->gesture, "%s", gesture);
-    struct session_options options = {.gesture = gesture};
+    struct session_options options = {.gesture = {gesture}};
     struct session_result result;
     struct session *session;
     struct ear ear = {.recording = r};

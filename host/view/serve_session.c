@@ -14,11 +14,11 @@ bool serve_session(struct session *session, struct view *view)
 {
     double target_m[3];
     struct view_input input;
-    hand_target(session_hand(session), session_gesture_time_s(session), target_m);
-    view_update(view, session_link(session), session_time_s(session), target_m);
+    hand_target(session_hand(session, 0), session_gesture_time_s(session), target_m);
+    view_update(view, session_link(session, 0), session_time_s(session), target_m);
     view_serve(view, 0);
     view_input(view, &input);
-    session_drive(session, input.overridden, input.target_m);
+    session_drive(session, 0, input.overridden, input.target_m);
     if (input.acknowledge)
         session_command(session, NMT_START);
     if (input.stop)

@@ -138,15 +138,9 @@ static void gone(void *context, uint64_t client)
 
 static int scene_name(const struct bank_file *bank, char **name, struct failure *why)
 {
-    struct scene *scene = calloc(1, sizeof *scene);
-    struct failure ignored; /* a bank without a readable scene is shown without its name */
-    *name = NULL;
-    if (scene) {
-        bool read =
-            bank->scene_text && scene_parse(bank->scene_text, strlen(bank->scene_text), "", scene, &ignored) >= 0;
-        *name = strdup(read ? scene->name : "");
-        free(scene);
-    }
+    struct scene *scene = bank_scene(bank);
+    *name = strdup(scene ? scene->name : "");
+    free(scene);
     return *name ? STATUS_OK : failure_set(why, STATUS_MEMORY, "view", "", "no memory for the scene");
 }
 

@@ -64,8 +64,8 @@ static struct ledger read_ledger(void)
 {
     const struct node *node = session_node(l.session);
     const struct safety *s = &node->controller.safety;
-    const struct device_node *device = (const struct device_node *)session_device(l.session); /* its first member */
-    const struct link *link = session_link(l.session);
+    const struct device_node *device = (const struct device_node *)session_device(l.session, 0); /* its first member */
+    const struct link *link = session_link(l.session, 0);
     const struct bus_statistics *bus = bus_statistics(session_bus(l.session));
     return (struct ledger){.ticks = node->controller.tick_count,
                            .received = node->frames_received - node->frames_ignored,
@@ -117,7 +117,7 @@ static void one(void)
 /* By how much two equilibria of hand and tissue can differ: in each axis both are within the device's Coulomb friction. */
 static double friction_N(void)
 {
-    const struct device *device = session_device(l.session);
+    const struct device *device = session_device(l.session, 0);
     double sum = 0;
     for (int k = 0; k < 3; k++) {
         const double arm = k < 2 ? device->joint[2] * 0.8 : 1; /* cos(0.52 rad) = 0.87 at the end of its range */
@@ -154,12 +154,12 @@ static void open_in_contact(void)
     double target_m[3];
     memset(&ear, 0, sizeof ear);
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "hold", .endless = true});
+    loop_open(&l, &(struct session_options){.gesture = {"hold"}, .endless = true});
     bus_listen(session_bus(l.session), hear, NULL);
     while (session_gesture_time_s(l.session) < 1.2)
         one();
-    hand_target(session_hand(l.session), 1.2, target_m);
-    session_drive(l.session, true, target_m);
+    hand_target(session_hand(l.session, 0), 1.2, target_m);
+    session_drive(l.session, 0, true, target_m);
     run(SETTLE_TICKS);
     assert_int_equal(loop_state(&l), SAFETY_RUN);
     assert_true(loop_force(&l) > 0.3f);
@@ -218,7 +218,7 @@ static void run_row(const struct row *row)
     struct ledger before, after, d;
     const float *f = session_node(l.session)->controller.coupling.force_N;
     const float held[3] = {f[0], f[1], f[2]};
-    const uint64_t silences = session_device(l.session)->silences;
+    const uint64_t silences = session_device(l.session, 0)->silences;
     l.largest_change_N = 0;
     before = read_ledger();
     bus_inject(session_bus(l.session), &row->faults);
@@ -236,7 +236,7 @@ static void run_row(const struct row *row)
                   (unsigned long long)d.missed, (unsigned long long)(d.duplicates + d.out_of_sequence),
                   (unsigned long long)d.implausible, (unsigned long long)d.malformed, (unsigned long long)d.rejected,
                   (unsigned long long)d.late, (unsigned long long)d.incomplete,
-                  (unsigned long long)(session_device(l.session)->silences - silences), (double)l.largest_change_N,
+                  (unsigned long long)(session_device(l.session, 0)->silences - silences), (double)l.largest_change_N,
                   d.safe_entries ? "SAFE" : "-", (unsigned long long)ticks, (double)loop_length(change));
     check_balance(row, &d);
     check_alone(row, &d);
@@ -330,7 +330,7 @@ static void any_silence_is_bounded_counted_and_recovered_from(void **state)
         run(row.ticks);
         double effort = 0;
         for (int k = 0; k < 3; k++)
-            effort = fmax(effort, fabs(session_device(l.session)->effort[k]));
+            effort = fmax(effort, fabs(session_device(l.session, 0)->effort[k]));
         assert_true(cuts[i].motors_off ? effort < 2e-3 : effort > 0.1); /* 2 mN: the motors' lag after 10 ms */
         assert_int_equal(loop_state(&l), cuts[i].safe ? SAFETY_SAFE : SAFETY_RUN);
         assert_int_equal(session_node(l.session)->controller.safety.safe_entries - entries, cuts[i].safe);
@@ -358,10 +358,10 @@ static void a_controller_that_resets_in_contact_is_silent_until_started(void **s
             one();
             assert_true(loop_state(&l) == SAFETY_INIT || loop_state(&l) == SAFETY_READY);
             assert_true(loop_force(&l) == 0 && !node->output.enable);
-            assert_true(t < 2 || !session_device(l.session)->enabled);
+            assert_true(t < 2 || !session_device(l.session, 0)->enabled);
         }
         assert_int_equal(loop_state(&l), SAFETY_READY);
-        assert_int_equal(session_link(l.session)->state, SAFETY_READY);
+        assert_int_equal(session_link(l.session, 0)->state, SAFETY_READY);
         l.largest_change_N = 0;
         const uint64_t ticks = recover();
         print_message("# reset %d: force %.3f N before, %.3f N after %llu ms, at most %.3f N in a tick\n", n,

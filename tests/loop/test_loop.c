@@ -1,7 +1,7 @@
 /* The loop without faults: what a user of the instrument relies on. */
 #include "loop_fixture.h"
 
-static const struct session_options press = {.gesture = "press"};
+static const struct session_options press = {.gesture = {"press"}};
 
 static void run_twice_gives_the_same_torques(void **state)
 {
@@ -9,7 +9,7 @@ static void run_twice_gives_the_same_torques(void **state)
     struct loop l[2];
     for (int n = 0; n < 2; n++) {
         loop_bank(&l[n], NULL);
-        loop_open(&l[n], &(struct session_options){.gesture = "tour"});
+        loop_open(&l[n], &(struct session_options){.gesture = {"tour"}});
         while (loop_tick(&l[n]))
             ;
         loop_close(&l[n]);
@@ -59,12 +59,12 @@ static void encoder_wrap_changes_no_torque(void **state)
             tool->axis[k].count_modulus = 6000;
             tool->axis[k].count_zero = 5999;
         }
-        loop_open(&l, &(struct session_options){.gesture = "slide"});
+        loop_open(&l, &(struct session_options){.gesture = {"slide"}});
         unsigned crossed = 0;
         uint16_t last[3] = {0};
         while (loop_tick(&l)) {
             uint16_t counts[3];
-            device_counts(session_device(l.session), counts);
+            device_counts(session_device(l.session, 0), counts);
             for (int k = 0; k < 3; k++)
                 crossed |= (unsigned)(abs(counts[k] - last[k]) > 3000) << k;
             memcpy(last, counts, sizeof last);
@@ -87,7 +87,7 @@ static void torques_do_the_work_of_the_force(void **state)
     (void)state;
     struct loop l;
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "slide"});
+    loop_open(&l, &(struct session_options){.gesture = {"slide"}});
     const struct bank_tool *tool = &l.bank.view.tools[0];
     unsigned checked = 0;
     while (loop_tick(&l)) {
@@ -95,7 +95,7 @@ static void torques_do_the_work_of_the_force(void **state)
         const struct controller *c = &node->controller;
         if (c->safety.state != SAFETY_RUN || loop_force(&l) == 0)
             continue;
-        struct device pose = *session_device(l.session);
+        struct device pose = *session_device(l.session, 0);
         for (int k = 0; k < 3; k++)
             pose.joint[k] = (double)c->kinematics.joint[k]; /* the pose that the encoders told */
         for (int k = 0; k < 3; k++) {
@@ -129,10 +129,10 @@ static void hand_and_tissue_balance_at_rest(void **state)
     (void)state;
     struct loop l;
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "hold", .ticks = 3500});
+    loop_open(&l, &(struct session_options){.gesture = {"hold"}, .ticks = 3500});
     while (loop_tick(&l))
         ;
-    const struct device *device = session_device(l.session);
+    const struct device *device = session_device(l.session, 0);
     const struct bank_tool *tool = &l.bank.view.tools[0];
     const float *f = session_node(l.session)->controller.coupling.force_N;
     assert_true(loop_force(&l) > 0.1f);
@@ -163,12 +163,12 @@ static void released_instrument_comes_to_rest(void **state)
     (void)state;
     struct loop l;
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "hold", .ticks = 8000});
+    loop_open(&l, &(struct session_options){.gesture = {"hold"}, .ticks = 8000});
     double given_J = 0, held_J = 0, last[3];
-    memcpy(last, session_device(l.session)->joint, sizeof last);
+    memcpy(last, session_device(l.session, 0)->joint, sizeof last);
     uint32_t released = 0;
     while (loop_tick(&l)) {
-        const struct device *device = session_device(l.session);
+        const struct device *device = session_device(l.session, 0);
         for (int k = 0; k < 3; k++) {
             given_J += device->effort[k] * (device->joint[k] - last[k]);
             last[k] = device->joint[k];
@@ -177,11 +177,11 @@ static void released_instrument_comes_to_rest(void **state)
             released = 1;
             held_J = -given_J;
             assert_true(loop_force(&l) > 0.1f);
-            session_hand(l.session)->stiffness_N_m = session_hand(l.session)->damping_Ns_m = 0;
+            session_hand(l.session, 0)->stiffness_N_m = session_hand(l.session, 0)->damping_Ns_m = 0;
         }
     }
     for (int k = 0; k < 3; k++)
-        assert_true(session_device(l.session)->speed[k] == 0);
+        assert_true(session_device(l.session, 0)->speed[k] == 0);
     assert_true(loop_force(&l) == 0);
     print_message("# taken while pressed %.2f mJ, given in all %.2f mJ\n", 1e3 * held_J, 1e3 * given_J);
     assert_true(held_J > 0);
@@ -204,10 +204,10 @@ static void rigid_body_does_not_make_the_loop_buzz(void **state)
         struct bank_contact *contact =
             (struct bank_contact *)(l.bank.bytes + ((const unsigned char *)l.bank.view.contact - l.bank.bytes));
         contact->coupling_stiffness_N_m = stiffness_N_m[n];
-        loop_open(&l, &(struct session_options){.gesture = "hold"});
+        loop_open(&l, &(struct session_options){.gesture = {"hold"}});
         double still[3] = {0};
         while (loop_tick(&l)) {
-            const struct device *device = session_device(l.session);
+            const struct device *device = session_device(l.session, 0);
             double time_s = session_gesture_time_s(l.session);
             if (time_s < 2.5)
                 memcpy(still, device->joint, sizeof still);
@@ -229,7 +229,7 @@ static void sliding_force_does_not_jump(void **state)
     (void)state;
     struct loop l;
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "slide"});
+    loop_open(&l, &(struct session_options){.gesture = {"slide"}});
     const double k = (double)l.bank.view.contact->coupling_stiffness_N_m, R = bank_fixture_default.radius_m;
     float last[3] = {0}, tip[3] = {0};
     double worst = 0, largest = 0;
@@ -264,23 +264,23 @@ static void driven_hand_moves_smoothly_and_returns(void **state)
     (void)state;
     struct loop l;
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "hold", .ticks = 2500});
+    loop_open(&l, &(struct session_options){.gesture = {"hold"}, .ticks = 2500});
     double last[3], now[3];
-    hand_target(session_hand(l.session), 0, last);
+    hand_target(session_hand(l.session, 0), 0, last);
     for (int t = 0; t < 2500; t++) {
         const double there[3] = {0.02, -0.01, 0.09};
-        session_drive(l.session, t >= 300 && t < 900, there);
+        session_drive(l.session, 0, t >= 300 && t < 900, there);
         assert_true(loop_tick(&l));
-        hand_target(session_hand(l.session), session_gesture_time_s(l.session), now);
+        hand_target(session_hand(l.session, 0), session_gesture_time_s(l.session), now);
         double d = 0;
         for (int i = 0; i < 3; i++)
             d += (now[i] - last[i]) * (now[i] - last[i]);
-        assert_true(sqrt(d) <= SESSION_DRIVE_m_s * 1.01e-3);
+        assert_true(sqrt(d) <= BENCH_DRIVE_m_s * 1.01e-3);
         memcpy(last, now, sizeof last);
         if (t == 899)
             assert_true(fabs(now[0] - there[0]) + fabs(now[1] - there[1]) + fabs(now[2] - there[2]) < 1e-12);
     }
-    assert_int_equal(session_hand(l.session)->overridden, 0);
+    assert_int_equal(session_hand(l.session, 0)->overridden, 0);
     loop_close(&l);
     loop_end(&l);
 }
@@ -301,7 +301,7 @@ static void axis_beside_the_body_is_refused(void **state)
     assert_int_equal(session_create(&l.bank, NULL, &press, &l.session, &why), STATUS_SCENE_VALUE);
     assert_non_null(strstr(why.cause, "nearer than the shortest insertion"));
     tool->trocar_m[2] = 0.17f;
-    const struct session_options unknown = {.gesture = "wave"}, device = {.device = "spoon"};
+    const struct session_options unknown = {.gesture = {"wave"}}, device = {.device = {"spoon"}};
     assert_int_equal(session_create(&l.bank, NULL, &unknown, &l.session, &why), STATUS_FILE_OPEN);
     assert_int_equal(session_create(&l.bank, NULL, &device, &l.session, &why), STATUS_SCENE_VALUE);
     const struct session_options log = {.torque_log = "/nowhere/torques.log"};

@@ -10,7 +10,7 @@ static const uint32_t encoders = WIRE_ENCODERS_ID + SESSION_NODE, torques = WIRE
 static void open_in_contact(struct loop *l)
 {
     loop_bank(l, NULL);
-    loop_open(l, &(struct session_options){.gesture = "hold", .ticks = 20000});
+    loop_open(l, &(struct session_options){.gesture = {"hold"}, .ticks = 20000});
     while (session_gesture_time_s(l->session) < 1.2)
         assert_true(loop_tick(l));
     assert_int_equal(loop_state(l), SAFETY_RUN);
@@ -59,10 +59,10 @@ static void silent_device_ends_in_safe_with_force_decaying_to_zero(void **state)
     assert_int_equal(l.emergency.reason, STATUS_LOOP_STALE);
     assert_true(l.last.alpha == 0 && l.last.beta == 0 && l.last.insertion == 0);
     loop_run(&l, 500); /* enough for one health frame of every page */
-    assert_int_equal(session_link(l.session)->state, SAFETY_SAFE);
-    assert_int_equal(session_link(l.session)->reason, STATUS_LOOP_STALE);
+    assert_int_equal(session_link(l.session, 0)->state, SAFETY_SAFE);
+    assert_int_equal(session_link(l.session, 0)->reason, STATUS_LOOP_STALE);
     for (int k = 0; k < 3; k++)
-        assert_true(fabs(session_device(l.session)->effort[k]) < 1e-9);
+        assert_true(fabs(session_device(l.session, 0)->effort[k]) < 1e-9);
 
     /* the device speaks again: nothing happens until the host acknowledges */
     bus_inject(session_bus(l.session), NULL);
@@ -104,17 +104,17 @@ static void silent_controller_makes_the_device_drop_its_motors(void **state)
     (void)state;
     struct loop l;
     open_in_contact(&l);
-    assert_true(fabs(session_device(l.session)->effort[2]) > 0.1);
+    assert_true(fabs(session_device(l.session, 0)->effort[2]) > 0.1);
     only(&l, (struct bus_faults){.drop = 1}, torques);
     loop_run(&l, DEVICE_SILENCE_US / 1000 + 1); /* the last frame came in the tick before */
-    assert_false(session_device(l.session)->enabled);
+    assert_false(session_device(l.session, 0)->enabled);
     loop_run(&l, 10); /* the slowest motor's lag is 1.3 ms */
     for (int k = 0; k < 3; k++)
-        assert_true(fabs(session_device(l.session)->effort[k]) < 2e-3);
-    assert_int_equal(session_device(l.session)->silences, 1);
+        assert_true(fabs(session_device(l.session, 0)->effort[k]) < 2e-3);
+    assert_int_equal(session_device(l.session, 0)->silences, 1);
     bus_inject(session_bus(l.session), NULL);
     loop_run(&l, 20);
-    assert_true(session_device(l.session)->enabled);
+    assert_true(session_device(l.session, 0)->enabled);
     loop_close(&l);
     assert_int_equal(l.result.device_silences, 1);
     loop_end(&l);
@@ -132,7 +132,7 @@ static void silent_host_is_no_doubt_but_starts_nothing(void **state)
     loop_end(&l);
 
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "press", .faults = {.drop = 1}}); /* only NMT: id 0 */
+    loop_open(&l, &(struct session_options){.gesture = {"press"}, .faults = {.drop = 1}}); /* only NMT: id 0 */
     while (loop_tick(&l)) {
         assert_true(loop_state(&l) == SAFETY_INIT || loop_state(&l) == SAFETY_READY);
         assert_true(loop_force(&l) == 0 && !l.last.enable && l.last.insertion == 0);
@@ -253,15 +253,15 @@ static void corrupt_torques_are_refused_by_the_device(void **state)
     (void)state;
     struct loop l;
     open_in_contact(&l);
-    uint32_t received = session_device(l.session)->commands_received;
+    uint32_t received = session_device(l.session, 0)->commands_received;
     uint32_t sent = l.torques;
     only(&l, (struct bus_faults){.corrupt = 0.3}, torques);
     for (int t = 0; t < 3000; t++) {
         loop_run(&l, 1);
-        const double *command = session_device(l.session)->command;
+        const double *command = session_device(l.session, 0)->command;
         const float *said = session_node(l.session)->output.torque;
-        uint32_t now = session_device(l.session)->commands_received;
-        for (int k = 0; k < 3 && now > received && session_device(l.session)->enabled; k++) {
+        uint32_t now = session_device(l.session, 0)->commands_received;
+        for (int k = 0; k < 3 && now > received && session_device(l.session, 0)->enabled; k++) {
             double quantum = k < 2 ? (double)WIRE_TORQUES_ALPHA_SCALE : (double)WIRE_TORQUES_INSERTION_SCALE;
             assert_true(fabs(command[k] - (double)said[k]) <= quantum); /* taken means: what was said */
         }
@@ -269,8 +269,8 @@ static void corrupt_torques_are_refused_by_the_device(void **state)
     }
     uint64_t corrupted = bus_statistics(session_bus(l.session))->corrupted;
     assert_true(corrupted > 500);
-    assert_true(session_device(l.session)->commands_rejected > 300);
-    assert_true(session_device(l.session)->commands_rejected <= corrupted);
+    assert_true(session_device(l.session, 0)->commands_rejected > 300);
+    assert_true(session_device(l.session, 0)->commands_rejected <= corrupted);
     assert_true(l.torques - sent >= 3000 - corrupted); /* the untouched ones */
     loop_close(&l);
     loop_end(&l);
@@ -289,7 +289,7 @@ static void storms_of_faults_are_bounded(void **state)
             p, p, p, p, p, .delay_us = 300 * (uint32_t)(seed % 7), .id_to = 0x7FF, .seed = seed};
         struct loop l;
         loop_bank(&l, NULL);
-        loop_open(&l, &(struct session_options){.gesture = "tour", .ticks = 4000});
+        loop_open(&l, &(struct session_options){.gesture = {"tour"}, .ticks = 4000});
         loop_run(&l, 300);
         bus_inject(session_bus(l.session), &faults);
         while (loop_tick(&l))
@@ -340,7 +340,7 @@ static void garbage_on_foreign_identifiers_disturbs_nothing(void **state)
     }
     assert_int_equal(loop_state(&l), SAFETY_RUN);
     assert_int_equal(safety(&l)->missed, 0);
-    assert_int_equal(session_device(l.session)->commands_rejected, 0);
+    assert_int_equal(session_device(l.session, 0)->commands_rejected, 0);
     loop_close(&l);
     loop_end(&l);
 }
@@ -371,7 +371,7 @@ static void garbage_on_our_own_identifiers_is_bounded(void **state)
             loop_run(&l, 1);
         }
         assert_true(session_node(l.session)->frames_malformed > 0);
-        assert_true(session_link(l.session)->malformed > 0);
+        assert_true(session_link(l.session, 0)->malformed > 0);
         loop_close(&l);
         safe += l.result.safety.safe_entries > 0;
         loop_end(&l);
@@ -388,7 +388,7 @@ static void implausible_samples_end_in_safe_and_are_not_felt(void **state)
     open_in_contact(&l);
     struct peer p = {.bus = session_bus(l.session)};
     p.port = bus_attach(p.bus, deaf, NULL);
-    struct device_node stranger = {.node_id = SESSION_NODE, .device = *session_device(l.session)};
+    struct device_node stranger = {.node_id = SESSION_NODE, .device = *session_device(l.session, 0)};
     stranger.device.joint[2] += 0.045;
     float before = loop_force(&l);
     only(&l, (struct bus_faults){.drop = 1}, encoders);

@@ -21,7 +21,7 @@ static struct watch run(const char *gesture, const struct bus_faults *faults, st
     struct watch w = {0};
     struct failure why = {0};
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = gesture});
+    loop_open(&l, &(struct session_options){.gesture = {gesture}});
     assert_int_equal(mirror_open(&w.mirror, &l.bank.view, 0, SESSION_NODE, &why), STATUS_OK);
     bus_listen(session_bus(l.session), watch, &w);
     if (faults)
@@ -89,7 +89,7 @@ static void one_that_joins_agrees_when_the_contact_is_new(void **state)
     struct watch w = {0};
     struct failure why = {0};
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "poke"});
+    loop_open(&l, &(struct session_options){.gesture = {"poke"}});
     assert_int_equal(mirror_open(&w.mirror, &l.bank.view, 0, SESSION_NODE, &why), STATUS_OK);
     while (session_node(l.session)->controller.contact.count == 0)
         loop_run(&l, 1);
@@ -118,7 +118,7 @@ static void it_differs_when_what_it_hears_is_not_what_was(void **state)
     struct watch w = {0};
     struct failure why = {0};
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "press"});
+    loop_open(&l, &(struct session_options){.gesture = {"press"}});
     struct bank_fixture_options softer = bank_fixture_default;
     softer.young_Pa *= 0.999;
     size_t length;

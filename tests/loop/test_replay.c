@@ -21,7 +21,7 @@ static FILE *record(struct loop *l, const char *gesture)
     FILE *log = tmpfile();
     assert_non_null(log);
     loop_bank(l, NULL);
-    loop_open(l, &(struct session_options){.gesture = gesture});
+    loop_open(l, &(struct session_options){.gesture = {gesture}});
     bus_listen(session_bus(l->session), write_frame, log);
     while (loop_tick(l))
         ;

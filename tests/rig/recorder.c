@@ -220,7 +220,7 @@ static bool parse(struct recorder *r, int argc, char **argv)
     if (argc - optind != 4 || r->jump_period < 5)
         return false;
     r->bank_path = argv[optind];
-    r->options.gesture = argv[optind + 1];
+    r->options.gesture[0] = argv[optind + 1];
     r->answers_path = argv[optind + 2];
     r->ticks_path = argv[optind + 3];
     return true;

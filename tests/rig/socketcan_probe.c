@@ -261,7 +261,7 @@ static int record(const char *bank_path, const char *gesture, const char *log_pa
     static struct bank_file bank;
     struct session *session;
     struct session_result r;
-    const struct session_options options = {.gesture = gesture};
+    const struct session_options options = {.gesture = {gesture}};
     FILE *log = fopen(log_path, "w");
     if (!log || bank_load(bank_path, &bank, &why) || session_create(&bank, NULL, &options, &session, &why)) {
         failure_print(stderr, &why);

@@ -197,7 +197,7 @@ static void second_start(struct second *s, struct loop *l, const char *gesture)
     while (node_transmit(&s->node, &boot))
         bus_send(s->bus, s->node_port, &boot);
     assert_int_equal(bench_device(NULL, &l->bank.view.tools[1], &s->model, &why), STATUS_OK);
-    assert_int_equal(bench_hand(&l->bank.view, &s->hand, &why), STATUS_OK);
+    assert_int_equal(bench_hand(&l->bank.view, 0, &s->hand, &why), STATUS_OK);
     assert_int_equal(gesture_read(gesture, &s->gesture, message, sizeof message, &line), STATUS_OK);
     s->hand.gesture = &s->gesture;
     device_node_start(&s->device, &s->model, &s->hand, 2);
@@ -289,7 +289,7 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
         two.instruments = instruments;
         enum { TICKS = 2000 };
         loop_bank(&l, &two);
-        loop_open(&l, &(struct session_options){.gesture = "hold"});
+        loop_open(&l, &(struct session_options){.gesture = {"hold"}});
         if (instruments == 2)
             second_start(&second, &l, "hold");
         uint64_t bits = 0, ticks = 0;
@@ -316,7 +316,7 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
             }
         }
         assert_true(ticks > TICKS);
-        const struct link *link = session_link(l.session);
+        const struct link *link = session_link(l.session, 0);
         struct busload_use use = {instruments, {(unsigned)link->contact_count, 0}, 1e6, 5e6};
         if (instruments == 2)
             use.points[1] = (unsigned)second.link.contact_count;

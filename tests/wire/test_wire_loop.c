@@ -58,7 +58,7 @@ static void every_frame_of_a_run_is_in_the_dbc_and_within_its_ranges(void **stat
     struct failure why = {0};
     assert_int_equal(dbc_read("shared/wire.dbc", &ear.dbc, &why), STATUS_OK);
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "tour"});
+    loop_open(&l, &(struct session_options){.gesture = {"tour"}});
     bus_listen(session_bus(l.session), hear, &ear);
     uint64_t ticks = 0;
     while (loop_tick(&l))
@@ -125,11 +125,11 @@ static uint64_t compare(const struct bus_faults *faults, struct session_result *
     uint64_t sets = 0, poses = 0, touching = 0;
     memset(&history, 0, sizeof history);
     loop_bank(&l, NULL);
-    loop_open(&l, &(struct session_options){.gesture = "tour"});
+    loop_open(&l, &(struct session_options){.gesture = {"tour"}});
     if (faults)
         bus_inject(session_bus(l.session), faults);
     while (loop_tick(&l)) {
-        const struct link *link = session_link(l.session);
+        const struct link *link = session_link(l.session, 0);
         const struct controller *c = &session_node(l.session)->controller;
         history.tick[history.next++ % HISTORY] = c->contact;
         if (link->contact_sets != sets) {
