@@ -106,11 +106,14 @@ $(B)/trocar-mesher: $(B)/obj/host/mesh/trocar-mesher_main.o $(B)/libtrocar.a $(B
 	$(call say,LINK,$@)
 	$(Q)$(CC) $(CFLAGS) $^ -o $@ -lgmsh $(LIBS)
 
+# what a single test needs beside
+$(B)/tests/unit/test_convex: TEST_LIBS := -lccd
+
 $(B)/tests/%: tests/%.c $(B)/libtrocar.a $(B)/libfirmware.a | test-packages
 	@mkdir -p $(@D)
 	$(call say,TEST,$<)
 	$(Q)$(CC) $(CFLAGS) $(HOST_INCLUDE) -Itests -MMD -MP -MF $@.d -MT $@ $< $(B)/libtrocar.a $(B)/libfirmware.a \
-	  -o $@ -lcmocka $(LIBS)
+	  -o $@ -lcmocka $(TEST_LIBS) $(LIBS)
 
 # An image: EFFECTS, names of shared/effects.def, and IMAGE, the folder below the port's. Without them it is the base image. It
 # is made of the base, its effects and the parts that these share, and says to the compiler which they are.
