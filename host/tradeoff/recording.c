@@ -139,7 +139,7 @@ static bool run_once(const struct bank_view *bank, const struct recording *recor
         r->contacts_max = c->contact.count > r->contacts_max ? c->contact.count : r->contacts_max;
         r->factors_max = c->contact.factors > r->factors_max ? c->contact.factors : r->factors_max;
     }
-    r->solver_cuts = c->contact.cut;
+    r->solver_cuts = c->contact.cut + c->friction.cut + c->grasp.cut;
     r->waits = c->contact.held + c->contact.waiting;
     return true;
 }
@@ -200,6 +200,17 @@ void replay_free(struct replay *r)
     *r = (struct replay){0};
 }
 
+struct tick_error tick_error_of(double *found, size_t count, double peak)
+{
+    struct tick_error error = {0};
+    if (count > 0 && peak > 0) {
+        qsort(found, count, sizeof *found, rising);
+        error.p95 = found[(size_t)ceil(0.95 * (double)count) - 1] / peak;
+        error.max = found[count - 1] / peak;
+    }
+    return error;
+}
+
 int replay_compare(const struct replay *r, const struct replay *reference, unsigned rate_Hz, struct tick_error *error,
                    struct failure *why)
 {
@@ -220,11 +231,7 @@ int replay_compare(const struct replay *r, const struct replay *reference, unsig
         if (r->contacts[held] || reference->contacts[t])
             found[count++] = sqrt(difference);
     }
-    if (count > 0 && peak > 0) {
-        qsort(found, count, sizeof *found, rising);
-        error->p95 = found[(size_t)ceil(0.95 * (double)count) - 1] / peak;
-        error->max = found[count - 1] / peak;
-    }
+    *error = tick_error_of(found, count, peak);
     free(found);
     return STATUS_OK;
 }

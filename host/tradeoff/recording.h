@@ -44,6 +44,8 @@ void replay_free(struct replay *replay);
 struct tick_error {
     double p95, max;
 };
+/* Of `count` differences, which are sorted, in parts of `peak`. */
+struct tick_error tick_error_of(double *found, size_t count, double peak);
 int replay_compare(const struct replay *replay, const struct replay *reference, unsigned rate_Hz,
                    struct tick_error *error, struct failure *why);
 

@@ -12,6 +12,8 @@ const char *const report_note[REPORT_NOTES] = {
     "patches of 3 to 10, two tools, and the displacement of the whole surface. p95 is exceeded by 5 % of the sets.",
     "Tick errors: the force of every tick of the recording against " TRADEOFF_TICK_REFERENCE
     "; relative to the largest force.",
+    "Solver errors: what the bound of steps or sweeps leaves: the force of every tick "
+    "against " TRADEOFF_SOLVER_REFERENCE "; relative to the largest force.",
     "Mesh errors: the stiffness against " TRADEOFF_MESH_REFERENCE
     "; the mean under the scene's and under one of 20 mm radius; - for the reference itself.",
     "Errors of different references are not added. None contains the error of linear elasticity.",
@@ -41,6 +43,8 @@ COLUMN(two, p->bank[COMPRESSION_ERROR_TWO].p95)
 COLUMN(field, p->bank[COMPRESSION_ERROR_FIELD].p95)
 COLUMN(tick_p95, p->tick_p95)
 COLUMN(tick_max, p->tick_max)
+COLUMN(solver_p95, p->solver_p95)
+COLUMN(solver_max, p->solver_max)
 COLUMN(mesh_own, p->mesh[0].mean)
 COLUMN(mesh_wide, p->mesh[1].mean)
 COLUMN(worst_bound, p->worst_bound)
@@ -62,6 +66,8 @@ const struct report_column report_column[] = {
     {"field", "p95", PLOT_PERCENT, field},
     {"tick", "p95", PLOT_PERCENT, tick_p95},
     {"tick", "max", PLOT_PERCENT, tick_max},
+    {"solver", "p95", PLOT_PERCENT, solver_p95},
+    {"solver", "max", PLOT_PERCENT, solver_max},
     {"mesh", "tool", PLOT_PERCENT, mesh_own},
     {"mesh", "wide tool", PLOT_PERCENT, mesh_wide},
     {"instr.", "mean", PLOT_NUMBER, instructions_mean},

@@ -14,7 +14,7 @@ int report_html(const struct tradeoff *result, const char *path, struct failure 
 int report_svg(const struct tradeoff *result, const char *path, struct failure *why);
 
 /* What must be known to read the numbers. */
-enum { REPORT_NOTES = 10 };
+enum { REPORT_NOTES = 11 };
 extern const char *const report_note[REPORT_NOTES];
 
 /* The plots: 0 error against time, 1 error against bytes. False when nothing of it was measured. Free plot->mark. */

@@ -51,6 +51,10 @@ static struct json_object *point(const struct tradeoff_point *p)
     number(ticks, "p95", p->tick_p95);
     number(ticks, "max", p->tick_max);
     json_object_object_add(o, "tick_error", ticks);
+    struct json_object *solver = json_object_new_object();
+    number(solver, "p95", p->solver_p95);
+    number(solver, "max", p->solver_max);
+    json_object_object_add(o, "solver_error", solver);
     struct json_object *mesh = json_object_new_object();
     static const char *const tool[MESH_ERROR_RADII] = {"tool", "wide_tool"};
     for (int k = 0; k < MESH_ERROR_RADII; k++) {
@@ -139,6 +143,7 @@ int report_json(FILE *out, const struct tradeoff *r, struct failure *why)
     number(root, "seed", r->seed);
     text(root, "bank_error_reference", COMPRESSION_ERROR_REFERENCE);
     text(root, "tick_error_reference", TRADEOFF_TICK_REFERENCE);
+    text(root, "solver_error_reference", TRADEOFF_SOLVER_REFERENCE);
     text(root, "mesh_error_reference", TRADEOFF_MESH_REFERENCE);
     number(root, "mesh_error_sites", r->sites);
     number(root, "tool_radius_m", r->tool_radius_m[0]);

@@ -11,6 +11,7 @@
 #include "node.h"
 #include "progress.h"
 #include "recording.h"
+#include "solver_error.h"
 
 enum { QUICK_TRIALS = 60, FULL_TRIALS = 400, QUICK_RUNS = 3, FULL_RUNS = 9 };
 
@@ -193,7 +194,7 @@ static bool counted_before(const struct tradeoff *r, const struct setting *setti
 static int measure_ticks(struct bench *b, const struct setting *setting, struct tradeoff_point *p, struct failure *why)
 {
     struct replay replay;
-    struct tick_error error;
+    struct tick_error error, solver;
     struct count count;
     int status = candidate_retool(&b->bank, &b->body.body, setting, why);
     if (status)
@@ -202,12 +203,16 @@ static int measure_ticks(struct bench *b, const struct setting *setting, struct 
     if (status)
         return status;
     status = replay_compare(&replay, &b->reference, (unsigned)setting->value[KNOB_RATE], &error, why);
+    if (!status)
+        status = solver_error_measure(&b->bank.view, &b->recording, &solver, why);
     if (!status && !counted_before(b->result, setting, &count))
         status = count_instructions(b->bank.path, b->bank.view.header->effects != 0, &b->recording, replay.contacts,
                                     b->options->controller, b->folder, &count, why);
     if (!status) {
         p->tick_p95 = tradeoff_round(error.p95);
         p->tick_max = tradeoff_round(error.max);
+        p->solver_p95 = tradeoff_round(solver.p95);
+        p->solver_max = tradeoff_round(solver.max);
         p->ns_mean = tradeoff_round(replay.ns_mean);
         p->ns_max = tradeoff_round(replay.ns_max);
         p->contacts = replay.contacts_max;

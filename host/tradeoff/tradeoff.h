@@ -6,6 +6,7 @@
  *           same discretisation in double precision (compression_error.h)
  *   tick    the force of every tick of the recording: against the controller with every knob at its most accurate value on
  *           the plain bank (float32) of the same discretisation; relative to the largest force
+ *   solver  the force of every tick: against the same tick with a solver that goes on to its rest (solver_error.h)
  *   mesh    the stiffness under a tool of the scene's radius, and of 20 mm: against the scene's mesh refined once, quadratic (mesh_error.h)
  * No error of one reference is added to another's. */
 #ifndef TROCAR_TRADEOFF_H
@@ -22,6 +23,9 @@
 
 #define TRADEOFF_TICK_REFERENCE                                                                                        \
     "the same discretisation's plain bank with the controller at its most accurate setting, tick by tick"
+
+#define TRADEOFF_SOLVER_REFERENCE                                                                                      \
+    "the same tick, from the same state and on the same bank, with a contact solver that goes on to its rest"
 
 #define TRADEOFF_MESH_REFERENCE                                                                                        \
     "the scene's mesh with every tetrahedron cut into eight, quadratic, under a tool of the scene's radius at random " \
@@ -51,7 +55,7 @@ struct tradeoff_point {
     size_t sections;
     struct section_size section[BANK_MAX_SECTIONS];
     struct error_figures bank[COMPRESSION_ERROR_KINDS];
-    double tick_p95, tick_max;
+    double tick_p95, tick_max, solver_p95, solver_max;
     struct mesh_error
         mesh[MESH_ERROR_RADII]; /* under the scene's tool and a wide one; NAN too for the reference itself */
     double worst_bound;         /* instructions of a Cortex-M7's worst tick at most: worst_tick.h */

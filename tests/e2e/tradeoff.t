@@ -144,6 +144,42 @@ def readme_tests(again):
           all(near(there[name], here[name]) for name in there), (there, here, r.stderr))
 
 
+def friction_tests(path):
+    """Ten points with friction: what a bound of sweeps leaves of the force, and what it takes."""
+    write_block(path("soft.msh"), (8, 6, 4))
+    with open(path("friction.yaml"), "w") as out:
+        out.write(SCENE.replace("block", "soft") + "instruments: [{name: right, tip: {radius: 20 mm, points: 10}}]\n"
+                  "effects: {friction: {mu: 0.3}}\n")
+    command = ("tradeoff", "--quick", "--quiet", path("friction.yaml"))
+    without_valgrind = dict(os.environ, PATH="/nowhere")
+    r = run(*command, "--json", "-o", path("friction.html"), env=without_valgrind)
+    points = json.loads(r.stdout)["points"] if r.returncode == 0 else []
+    base = points[0] if points else {}
+    turned = sorted((p["knobs"]["sweeps"], p) for p in points if all(
+        p["knobs"][k] == base["knobs"][k] for k in p["knobs"] if k != "sweeps"))
+    sweeps = [n for n, _ in turned]
+    check("with friction the solver is bounded by 2, 5, 10 and 20 sweeps, and not by factorisations", sweeps == [2, 5, 10, 20]
+          and len({p["knobs"]["solver_steps"] for p in points}) == 1 and base["contacts_max"] == 10, (sweeps, r.stderr))
+    left = [(p["solver_error"]["p95"], p["solver_error"]["max"]) for _, p in turned]
+    check("more sweeps leave less of the force behind; two leave something, and twenty less than the solver's tolerance",
+          len(left) == 4 and left == sorted(left, reverse=True) and left[0][0] > 1e-4 > left[3][1] and left[0] > left[1] > left[2],
+          left)
+    bounds, cut = [p["worst_tick_instructions"] for _, p in turned], [p["ticks_cut"] for _, p in turned]
+    check("and take more: the bound of a tick rises by the same for each sweep, and fewer ticks are cut",
+          len(bounds) == 4 and cut == sorted(cut, reverse=True) and cut[0] > 0
+          and abs((bounds[1] - bounds[0]) * 10 / ((bounds[3] - bounds[2]) * 3) - 1) < 0.05, (bounds, cut))
+    with open(path("friction.html")) as page:
+        rows = re.findall(r"<tr[^>]*><td>(.*?)</tr>", page.read())
+    shown = {row.split("</td><td>")[0]: row.split("</td><td>") for row in rows}
+    check("the page says both for each bound of sweeps", all(
+        "%.3g %%" % (100 * p["solver_error"][which]) in shown.get(p["name"], []) for _, p in turned for which in ("p95", "max")),
+        shown.keys())
+    r = run(*command, env=without_valgrind)
+    rows = table_rows(r.stdout, [p["name"] for p in points])
+    check("and so does the table", turned and all("%.3g %%" % (100 * p["solver_error"][which]) in rows.get(p["name"], [])
+                                                  for _, p in turned for which in ("p95", "max")), rows)
+
+
 def main(folder):
     path = lambda name: os.path.join(folder, name)
     write_block(path("block.msh"))
@@ -197,7 +233,11 @@ def main(folder):
     tree = xml.etree.ElementTree.parse(path("plot.svg"))
     labels = " ".join(t.text for t in tree.iter("{http://www.w3.org/2000/svg}text"))
     check("the plot alone is a well-formed picture with its axes", "bytes" in labels and "patch error" in labels, labels)
+    check("one factorisation in a tick leaves an error, and as many as the scene allows none", any(
+        p["knobs"]["solver_steps"] == 1 and p["solver_error"]["max"] > 0 for p in points)
+        and points[0]["solver_error"]["max"] == 0, [p["solver_error"] for p in points])
     readme_tests(path("readme.svg"))
+    friction_tests(path)
 
     r = run("tradeoff", "--quick", "--quiet", path("block.yaml"), "--limit", "0.001", "-o", path("short.html"))
     rows = table_rows(r.stdout, ["as the scene says"])
