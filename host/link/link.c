@@ -297,14 +297,15 @@ static enum verdict receive_heartbeat(struct link *link, const struct can_frame_
     return USEFUL;
 }
 
-/* Frames that the controller does not send, or that tell the host nothing new: only their form is looked at. */
-static enum verdict receive_other(const struct can_frame_t *frame, uint32_t base)
+/* Frames that the controller does not send, or that tell the host little new. */
+static enum verdict receive_other(struct link *link, const struct can_frame_t *frame, uint32_t base)
 {
     struct wire_encoders encoders;
     struct wire_torques torques;
     bool good;
     if (base == WIRE_ENCODERS_ID) {
         good = wire_encoders_unpack(&encoders, frame->data, frame->length);
+        link->grip = good ? encoders.grip : link->grip;
     } else if (base == WIRE_TORQUES_ID) {
         good = wire_torques_unpack(&torques, frame->data, frame->length) &&
                crc8_frame(frame->id, frame->data, WIRE_TORQUES_LENGTH - 1) == torques.crc;
@@ -347,7 +348,7 @@ static enum verdict receive(struct link *link, const struct can_frame_t *frame, 
     case WIRE_HEARTBEAT_ID:
         return receive_heartbeat(link, frame, time_us);
     default:
-        return receive_other(frame, base);
+        return receive_other(link, frame, base);
     }
 }
 

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "bank_format.h"
+
 static bool read_hand(const struct json_object *value, struct command *command)
 {
     if (!value) {
@@ -21,6 +23,15 @@ static bool read_hand(const struct json_object *value, struct command *command)
         if (!isfinite(command->target_m[i]) || fabs(command->target_m[i]) > 1)
             return false;
     }
+    return true;
+}
+
+static bool read_instrument(bool named, const struct json_object *value, struct command *command)
+{
+    const int64_t number = named ? json_object_get_int64(value) : 0;
+    if ((named && !json_object_is_type(value, json_type_int)) || number < 0 || number >= BANK_MAX_INSTRUMENTS)
+        return false;
+    command->instrument = (uint32_t)number;
     return true;
 }
 
@@ -55,11 +66,13 @@ bool command_parse(const char *text, size_t length, struct command *command)
         json_tokener_get_error(tokener) == json_tokener_success && json_tokener_get_parse_end(tokener) == length;
     struct command read = {0};
     bool good = false;
-    if (whole && json_object_is_type(message, json_type_object) && json_object_object_length(message) == 1) {
-        struct json_object *value;
+    if (whole && json_object_is_type(message, json_type_object)) {
+        struct json_object *value, *instrument = NULL;
+        const int keys = json_object_object_length(message);
+        const bool named = json_object_object_get_ex(message, "instrument", &instrument);
         if (json_object_object_get_ex(message, "hand", &value))
-            good = read_hand(value, &read);
-        else if (json_object_object_get_ex(message, "do", &value))
+            good = keys == 1 + named && read_instrument(named, instrument, &read) && read_hand(value, &read);
+        else if (keys == 1 && json_object_object_get_ex(message, "do", &value))
             good = read_do(value, &read);
     }
     json_object_put(message);

@@ -1,7 +1,8 @@
-/* What a page may send: one JSON object of one key per WebSocket text message, at most COMMAND_MAX_BYTES.
+/* What a page may send: one JSON object per WebSocket text message, at most COMMAND_MAX_BYTES, with one of these keys.
  *
  *   {"hand": [x, y, z]}     the hand follows this tip target, trocar's frame (Z into the body), m, |each| <= 1
  *   {"hand": null}          the hand is given back to the gesture
+ *                           both with "instrument": 0 (the first, as without) or 1
  *   {"do": "acknowledge"}   leave SAFE or READY for RUN
  *   {"do": "stop"}          ask for SAFE
  *   {"do": "quit"}          end the run
@@ -12,6 +13,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 enum { COMMAND_MAX_BYTES = 512 };
 
@@ -19,7 +21,8 @@ enum command_kind { COMMAND_HAND, COMMAND_RELEASE, COMMAND_ACKNOWLEDGE, COMMAND_
 
 struct command {
     enum command_kind kind;
-    double target_m[3]; /* COMMAND_HAND */
+    uint32_t instrument; /* COMMAND_HAND, COMMAND_RELEASE: below BANK_MAX_INSTRUMENTS */
+    double target_m[3];  /* COMMAND_HAND */
 };
 
 /* False when the message is malformed; `command` is then untouched. */

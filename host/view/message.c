@@ -67,35 +67,46 @@ static int no_memory(struct failure *why)
     return failure_set(why, STATUS_MEMORY, "view", "", "no memory for a message to the page");
 }
 
-int message_hello(struct message *message, const struct bank_view *bank, const char *scene, struct failure *why)
+static struct json_object *tool_json(const struct bank_tool *tool, const char *name)
 {
-    const struct bank_tool *tool = bank->tools;
-    size_t n = bank->vertex_count, t = bank->triangle_count;
-    int fixed = 0;
-    for (size_t v = 0; v < n; v++)
-        fixed += bank->row_of[v] == BANK_NONE;
     float minimum[3], maximum[3];
     for (size_t a = 0; a < 3; a++) {
         minimum[a] = tool->axis[a].minimum;
         maximum[a] = tool->axis[a].maximum;
     }
-
     struct json_object *json = json_object_new_object();
-    put(json, "protocol", json_object_new_int(1));
-    put(json, "scene", json_object_new_string(scene));
-    put(json, "vertices", json_object_new_int64((int64_t)n));
-    put(json, "triangles", json_object_new_int64((int64_t)t));
-    put(json, "fixed", json_object_new_int(fixed));
+    put(json, "name", json_object_new_string(name));
     put(json, "trocar_m", floats(3, tool->trocar_m));
     put(json, "rotation", floats(9, tool->rotation));
     put(json, "tip_radius_m", number((double)tool->tip_radius_m));
     put(json, "joint_min", floats(3, minimum));
     put(json, "joint_max", floats(3, maximum));
+    return json;
+}
+
+int message_hello(struct message *message, const struct bank_view *bank, const char *scene,
+                  const char *const names[BANK_MAX_INSTRUMENTS], struct failure *why)
+{
+    size_t n = bank->vertex_count, t = bank->triangle_count;
+    int fixed = 0;
+    for (size_t v = 0; v < n; v++)
+        fixed += bank->row_of[v] == BANK_NONE;
+
+    struct json_object *json = json_object_new_object(), *list = json_object_new_array();
+    put(json, "protocol", json_object_new_int(2));
+    put(json, "scene", json_object_new_string(scene));
+    put(json, "vertices", json_object_new_int64((int64_t)n));
+    put(json, "triangles", json_object_new_int64((int64_t)t));
+    put(json, "fixed", json_object_new_int(fixed));
+    put(json, "jaws", json_object_new_boolean(bank->grasp != NULL));
     put(json, "force_limit_N", number((double)bank->contact->force_limit_N));
-    struct json_object *names = json_object_new_array();
+    struct json_object *health = json_object_new_array();
     for (unsigned i = 0; link_health_name(i); i++)
-        json_object_array_add(names, json_object_new_string(link_health_name(i)));
-    put(json, "health_names", names);
+        json_object_array_add(health, json_object_new_string(link_health_name(i)));
+    put(json, "health_names", health);
+    for (uint32_t i = 0; i < bank->tool_count && i < BANK_MAX_INSTRUMENTS; i++)
+        json_object_array_add(list, tool_json(&bank->tools[i], names[i]));
+    put(json, "instruments", list);
 
     unsigned char *at = begin(message, MESSAGE_HELLO, json, 12 * n + 6 * t + n);
     json_object_put(json);
@@ -116,65 +127,81 @@ static const char *state_name(unsigned state)
     return state <= SAFETY_SAFE ? names[state] : "INIT";
 }
 
+static struct json_object *point_json(const struct bank_view *bank, const struct link_contact *contact,
+                                      const double displacement_m[3])
+{
+    const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
+    double weight[3] = {1 - contact->weights[0] - contact->weights[1], contact->weights[0], contact->weights[1]};
+    double point[3];
+    for (size_t a = 0; a < 3; a++) {
+        point[a] = displacement_m[a];
+        for (size_t k = 0; k < 3; k++)
+            point[a] += weight[k] * (double)bank->positions[3 * vertex[k] + a];
+    }
+    return numbers(3, point);
+}
+
 static struct json_object *contact_points(const struct bank_view *bank, const struct link *link)
 {
     struct json_object *array = json_object_new_array();
-    for (size_t c = 0; c < link->contact_count && c < LINK_MAX_CONTACTS; c++) {
-        const struct link_contact *contact = &link->contact[c];
-        if (contact->triangle >= bank->triangle_count)
-            continue;
-        const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
-        double weight[3] = {1 - contact->weights[0] - contact->weights[1], contact->weights[0], contact->weights[1]};
-        double point[3];
-        for (size_t a = 0; a < 3; a++) {
-            point[a] = contact->displacement_m[a];
-            for (size_t k = 0; k < 3; k++)
-                point[a] += weight[k] * (double)bank->positions[3 * vertex[k] + a];
-        }
-        json_object_array_add(array, numbers(3, point));
-    }
+    for (size_t c = 0; c < link->contact_count && c < LINK_MAX_CONTACTS; c++)
+        if (link->contact[c].triangle < bank->triangle_count)
+            json_object_array_add(array, point_json(bank, &link->contact[c], link->contact[c].displacement_m));
     return array;
 }
 
-static double silent_s(const struct message_state *state)
+static double silent_s(const struct link *link, double time_s)
 {
-    uint64_t heard_us = state->link->heartbeat_time_us;
-    if (state->link->pose_time_us > heard_us)
-        heard_us = state->link->pose_time_us;
-    return fmax(0, state->time_s - 1e-6 * (double)heard_us);
+    uint64_t heard_us = link->heartbeat_time_us > link->pose_time_us ? link->heartbeat_time_us : link->pose_time_us;
+    return fmax(0, time_s - 1e-6 * (double)heard_us);
+}
+
+static struct json_object *instrument_json(const struct bank_view *bank, const struct message_instrument *i,
+                                           double time_s)
+{
+    const struct link *link = i->link;
+    struct json_object *json = json_object_new_object();
+    put(json, "tip_m", numbers(3, link->tip_m));
+    put(json, "force_N", numbers(3, link->force_N));
+    put(json, "grip", number((double)link->grip / BANK_MAX_GRIP));
+    put(json, "contacts", contact_points(bank, link));
+    struct json_object *held = json_object_new_array();
+    for (size_t k = 0; k < i->held_count; k++)
+        json_object_array_add(held, point_json(bank, &i->held[k], i->held[k].displacement_m));
+    put(json, "held", held);
+    put(json, "state", json_object_new_string(state_name(link->state)));
+    put(json, "reason", json_object_new_string(link->reason ? status_name(link->reason) : ""));
+    put(json, "meaning", json_object_new_string(link->reason ? status_meaning(link->reason) : ""));
+    put(json, "remedy", json_object_new_string(link->reason ? status_remedy(link->reason) : ""));
+    put(json, "silent_s", number(silent_s(link, time_s)));
+    struct json_object *health = json_object_new_array();
+    for (unsigned k = 0; link_health_name(k); k++)
+        json_object_array_add(health, json_object_new_int64(link->health[k]));
+    put(json, "health", health);
+    struct json_object *trace = json_object_new_array();
+    for (unsigned k = 0; k < i->trace_count; k++)
+        json_object_array_add(trace, numbers(2, (double[2]){i->trace_time_s[k], i->trace_force_N[k]}));
+    put(json, "trace", trace);
+    put(json, "hand_m", numbers(3, i->hand_target_m));
+    put(json, "driven", json_object_new_boolean(i->driven));
+    return json;
 }
 
 static struct json_object *state_json(const struct bank_view *bank, const struct message_state *state, double max_m,
                                       double scale_m)
 {
-    const struct link *link = state->link;
-    struct json_object *json = json_object_new_object();
+    struct json_object *json = json_object_new_object(), *list = json_object_new_array();
     put(json, "frame", json_object_new_int64((int64_t)state->number));
     put(json, "time_s", number(state->time_s));
-    put(json, "tip_m", numbers(3, link->tip_m));
-    put(json, "force_N", numbers(3, link->force_N));
-    put(json, "contacts", contact_points(bank, link));
-    put(json, "state", json_object_new_string(state_name(link->state)));
-    put(json, "reason", json_object_new_string(link->reason ? status_name(link->reason) : ""));
-    put(json, "meaning", json_object_new_string(link->reason ? status_meaning(link->reason) : ""));
-    put(json, "remedy", json_object_new_string(link->reason ? status_remedy(link->reason) : ""));
-    put(json, "silent_s", number(silent_s(state)));
-    struct json_object *health = json_object_new_array();
-    for (unsigned i = 0; link_health_name(i); i++)
-        json_object_array_add(health, json_object_new_int64(link->health[i]));
-    put(json, "health", health);
-    struct json_object *trace = json_object_new_array();
-    for (unsigned i = 0; i < state->trace_count; i++)
-        json_object_array_add(trace, numbers(2, (double[2]){state->trace_time_s[i], state->trace_force_N[i]}));
-    put(json, "trace", trace);
-    put(json, "hand_m", numbers(3, state->hand_target_m));
-    put(json, "driven", json_object_new_boolean(state->driven));
     put(json, "clients", json_object_new_int64(state->clients));
     put(json, "dropped", json_object_new_int64((int64_t)state->dropped));
     put(json, "malformed", json_object_new_int64((int64_t)state->malformed));
     put(json, "field_error", json_object_new_string(state->field_error));
     put(json, "max_m", number(max_m));
     put(json, "scale_m", number(scale_m));
+    for (uint32_t i = 0; i < state->instruments; i++)
+        json_object_array_add(list, instrument_json(bank, &state->instrument[i], state->time_s));
+    put(json, "instruments", list);
     return json;
 }
 

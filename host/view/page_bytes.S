@@ -13,6 +13,7 @@ asset_\name\()_end:
 
     asset index_html, "host/view/page/index.html"
     asset style_css, "host/view/page/style.css"
+    asset instrument_js, "host/view/page/instrument.js"
     asset stage_js, "host/view/page/stage.js"
     asset trace_js, "host/view/page/trace.js"
     asset view_js, "host/view/page/view.js"

@@ -12,13 +12,19 @@ int serve_open(const struct bank_file *bank, int port, struct view **view, struc
 
 bool serve_session(struct session *session, struct view *view)
 {
-    double target_m[3];
     struct view_input input;
-    hand_target(session_hand(session, 0), session_gesture_time_s(session), target_m);
-    view_update(view, session_link(session, 0), session_time_s(session), target_m);
+    struct view_now now = {.time_s = session_time_s(session),
+                           .instruments = session_instruments(session),
+                           .controller = &session_node(session)->controller};
+    for (uint32_t t = 0; t < now.instruments; t++) {
+        now.link[t] = session_link(session, t);
+        hand_target(session_hand(session, t), session_gesture_time_s(session), now.hand_target_m[t]);
+    }
+    view_update(view, &now);
     view_serve(view, 0);
     view_input(view, &input);
-    session_drive(session, 0, input.overridden, input.target_m);
+    for (uint32_t t = 0; t < now.instruments; t++)
+        session_drive(session, t, input.hand[t].overridden, input.hand[t].target_m);
     if (input.acknowledge)
         session_command(session, NMT_START);
     if (input.stop)
@@ -38,10 +44,10 @@ static void tip_in_trocar(const struct bank_tool *tool, const double tip_m[3], d
 
 int serve_remote(struct remote *remote, const struct bank_file *bank, struct view *view, struct failure *why)
 {
-    double target_m[3];
     struct view_input input;
-    tip_in_trocar(&bank->view.tools[0], remote->link.tip_m, target_m);
-    view_update(view, &remote->link, 1e-3 * (double)remote->ticks, target_m);
+    struct view_now now = {.time_s = 1e-3 * (double)remote->ticks, .instruments = 1, .link = {&remote->link}};
+    tip_in_trocar(&bank->view.tools[0], remote->link.tip_m, now.hand_target_m[0]);
+    view_update(view, &now);
     view_serve(view, 0);
     view_input(view, &input);
     int status = input.acknowledge ? remote_command(remote, NMT_START, why) : STATUS_OK;

@@ -7,6 +7,7 @@
 #include "command.h"
 #include "message.h"
 #include "server.h"
+#include "shown_field.h"
 
 struct view {
     const struct bank_file *bank;
@@ -14,16 +15,17 @@ struct view {
     struct message hello, frame;
     double *u; /* 3 per vertex, m */
 
-    struct link link; /* of the newest update */
+    struct link link[BANK_MAX_INSTRUMENTS]; /* of the newest update */
     struct message_state state;
-    bool encoded;       /* `frame` is of `state.number` */
-    bool trace_taken;   /* the trace's points are in an encoded frame */
-    double due_s;       /* time of the run at which the next frame is due */
-    uint64_t traced_us; /* pose that the trace ends with */
+    bool swings;
+    float amplitude[BANK_MAX_MODES];
+    bool encoded;                             /* `frame` is of `state.number` */
+    bool trace_taken;                         /* the traces' points are in an encoded frame */
+    double due_s;                             /* time of the run at which the next frame is due */
+    uint64_t traced_us[BANK_MAX_INSTRUMENTS]; /* pose that the trace ends with */
 
-    uint64_t malformed, owner; /* `owner`: client that holds the hand, 0 none */
+    uint64_t malformed, owner[BANK_MAX_INSTRUMENTS]; /* `owner`: client that holds the hand, 0 none */
     struct view_input input;
-    struct failure field;
 };
 
 static const struct message *greeting(void *context)
@@ -32,26 +34,19 @@ static const struct message *greeting(void *context)
     return &view->hello;
 }
 
-/* Contacts whose triangle this bank does not have came from a controller with another bank: they are left out. */
-static void compute_field(struct view *view)
+/* Where the held points are: at their place on the surface as it is shown. */
+static void displace_held(const struct bank_view *bank, const double *u, struct message_instrument *i)
 {
-    const struct bank_view *bank = &view->bank->view;
-    uint32_t triangle[LINK_MAX_CONTACTS];
-    double weights[2 * LINK_MAX_CONTACTS], displacement[3 * LINK_MAX_CONTACTS];
-    size_t count = 0;
-    for (size_t c = 0; c < view->link.contact_count && c < LINK_MAX_CONTACTS; c++) {
-        const struct link_contact *contact = &view->link.contact[c];
-        if (contact->triangle >= bank->triangle_count)
-            continue;
-        triangle[count] = contact->triangle;
-        memcpy(weights + 2 * count, contact->weights, sizeof contact->weights);
-        memcpy(displacement + 3 * count, contact->displacement_m, sizeof contact->displacement_m);
-        count++;
+    for (size_t h = 0; h < i->held_count; h++) {
+        struct link_contact *at = &i->held[h];
+        const uint16_t *vertex = bank->triangles[at->triangle].vertex;
+        const double weight[3] = {1 - at->weights[0] - at->weights[1], at->weights[0], at->weights[1]};
+        for (size_t a = 0; a < 3; a++) {
+            at->displacement_m[a] = 0;
+            for (size_t k = 0; k < 3; k++)
+                at->displacement_m[a] += weight[k] * u[3 * vertex[k] + a];
+        }
     }
-    view->field = (struct failure){0};
-    if (count == 0 ||
-        field_from_contacts(bank, count, triangle, weights, displacement, view->u, NULL, &view->field) < 0)
-        memset(view->u, 0, 3 * sizeof(double) * bank->vertex_count);
 }
 
 static const struct message *newest(void *context, uint64_t *number)
@@ -60,13 +55,17 @@ static const struct message *newest(void *context, uint64_t *number)
     if (view->state.number == 0)
         return NULL;
     if (!view->encoded) {
-        struct failure why;
-        compute_field(view);
-        view->state.field_error = view->field.status < 0 ? view->field.cause : "";
+        struct failure why, field = {0};
+        const struct bank_view *bank = &view->bank->view;
+        int status = shown_field(bank, view->link, view->state.instruments, view->swings ? view->amplitude : NULL,
+                                 view->u, &field);
+        for (uint32_t i = 0; i < view->state.instruments; i++)
+            displace_held(bank, view->u, &view->state.instrument[i]);
+        view->state.field_error = status < 0 ? field.cause : "";
         view->state.clients = server_clients(view->server);
         view->state.dropped = server_dropped(view->server);
         view->state.malformed = view->malformed;
-        if (message_frame(&view->frame, &view->bank->view, &view->state, view->u, &why) < 0)
+        if (message_frame(&view->frame, bank, &view->state, view->u, &why) < 0)
             return NULL;
         view->encoded = view->trace_taken = true;
     }
@@ -104,16 +103,22 @@ static void received(void *context, uint64_t client, const char *text, size_t le
         view->malformed++;
         return;
     }
+    const uint32_t i = command.instrument;
+    struct view_hand *hand = &view->input.hand[i];
+    if (i >= view->bank->view.tool_count) {
+        view->malformed++;
+        return;
+    }
     switch (command.kind) {
     case COMMAND_HAND:
-        view->owner = client;
-        view->input.overridden = true;
-        memcpy(view->input.target_m, command.target_m, sizeof command.target_m);
-        clamp_to_reach(view->bank->view.tools, view->input.target_m);
+        view->owner[i] = client;
+        hand->overridden = true;
+        memcpy(hand->target_m, command.target_m, sizeof command.target_m);
+        clamp_to_reach(&view->bank->view.tools[i], hand->target_m);
         break;
     case COMMAND_RELEASE:
-        view->owner = 0;
-        view->input.overridden = false;
+        view->owner[i] = 0;
+        hand->overridden = false;
         break;
     case COMMAND_ACKNOWLEDGE:
         view->input.acknowledge = true;
@@ -130,24 +135,28 @@ static void received(void *context, uint64_t client, const char *text, size_t le
 static void gone(void *context, uint64_t client)
 {
     struct view *view = context;
-    if (view->owner == client) {
-        view->owner = 0;
-        view->input.overridden = false;
-    }
+    for (int i = 0; i < BANK_MAX_INSTRUMENTS; i++)
+        if (view->owner[i] == client) {
+            view->owner[i] = 0;
+            view->input.hand[i].overridden = false;
+        }
 }
 
-static int scene_name(const struct bank_file *bank, char **name, struct failure *why)
+/* The page's greeting, with the scene's names where the bank tells them. */
+static int greet(struct view *view, struct failure *why)
 {
-    struct scene *scene = bank_scene(bank);
-    *name = strdup(scene ? scene->name : "");
+    struct scene *scene = bank_scene(view->bank);
+    const char *names[BANK_MAX_INSTRUMENTS];
+    for (size_t i = 0; i < BANK_MAX_INSTRUMENTS; i++)
+        names[i] = scene && i < scene->instrument_count ? scene->instrument[i].name : "";
+    int status = message_hello(&view->hello, &view->bank->view, scene ? scene->name : "", names, why);
     free(scene);
-    return *name ? STATUS_OK : failure_set(why, STATUS_MEMORY, "view", "", "no memory for the scene");
+    return status;
 }
 
 int view_create(const struct bank_file *bank, uint16_t port, struct view **out, struct failure *why)
 {
     struct view *view = calloc(1, sizeof *view);
-    char *name = NULL;
     int status = STATUS_OK;
     if (view)
         view->u = calloc(3 * (size_t)bank->view.vertex_count, sizeof(double));
@@ -155,12 +164,8 @@ int view_create(const struct bank_file *bank, uint16_t port, struct view **out, 
         status = failure_set(why, STATUS_MEMORY, "view", "", "no memory for %u vertices", bank->view.vertex_count);
     if (status >= 0) {
         view->bank = bank;
-        view->state.link = &view->link;
-        status = scene_name(bank, &name, why);
+        status = greet(view, why);
     }
-    if (status >= 0)
-        status = message_hello(&view->hello, &bank->view, name, why);
-    free(name);
     if (status >= 0) {
         const struct server_events events = {view, greeting, newest, received, gone};
         status = server_create(port, &events, &view->server, why);
@@ -178,33 +183,62 @@ uint16_t view_port(const struct view *view)
     return server_port(view->server);
 }
 
-/* Poses arrive at 100 Hz, frames leave at 30: the trace keeps every pose, so that a short poke is not lost between. */
-static void trace_force(struct view *view, const struct link *link)
+/* Poses arrive at 50 or 100 Hz, frames leave at 30: the trace keeps every pose, so that a short poke is not lost between. */
+static void trace_force(struct view *view, uint32_t number, const struct link *link)
 {
-    if (link->pose_time_us == view->traced_us)
+    struct message_instrument *i = &view->state.instrument[number];
+    if (link->pose_time_us == view->traced_us[number])
         return;
-    view->traced_us = link->pose_time_us;
-    struct message_state *state = &view->state;
-    if (view->trace_taken || state->trace_count == MESSAGE_MAX_TRACE)
-        state->trace_count = 0;
-    view->trace_taken = false;
+    view->traced_us[number] = link->pose_time_us;
+    if (i->trace_count == MESSAGE_MAX_TRACE)
+        i->trace_count = 0;
     const double *f = link->force_N;
-    state->trace_time_s[state->trace_count] = 1e-6 * (double)link->pose_time_us;
-    state->trace_force_N[state->trace_count++] = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
+    i->trace_time_s[i->trace_count] = 1e-6 * (double)link->pose_time_us;
+    i->trace_force_N[i->trace_count++] = sqrt(f[0] * f[0] + f[1] * f[1] + f[2] * f[2]);
 }
 
-void view_update(struct view *view, const struct link *link, double time_s, const double hand_target_m[3])
+/* What only the controller's state tells. */
+static void look_inside(struct view *view, const struct controller *c)
 {
-    trace_force(view, link);
-    if (time_s + 1e-9 < view->due_s)
-        return;
-    view->due_s = fmax(view->due_s, time_s - 1.0 / VIEW_RATE_HZ) + 1.0 / VIEW_RATE_HZ;
+    const struct bank_view *bank = &view->bank->view;
+    view->swings = c && bank->swing;
+    if (view->swings)
+        memcpy(view->amplitude, c->swing.amplitude, sizeof view->amplitude);
+    for (uint32_t i = 0; i < BANK_MAX_INSTRUMENTS; i++)
+        view->state.instrument[i].held_count = 0;
+    for (uint32_t p = 0; c && bank->grasp && p < CONTACT_MAX; p++) {
+        const struct grasp_point *point = &c->grasp.point[p];
+        if (!point->held)
+            continue;
+        struct message_instrument *i = &view->state.instrument[p >= bank->tools[0].point_count];
+        i->held[i->held_count++] = (struct link_contact){
+            .triangle = point->triangle, .weights = {(double)point->weights[1], (double)point->weights[2]}};
+    }
+}
 
-    view->link = *link;
-    view->state.number++;
-    view->state.time_s = time_s;
-    view->state.driven = view->input.overridden;
-    memcpy(view->state.hand_target_m, hand_target_m, sizeof view->state.hand_target_m);
+void view_update(struct view *view, const struct view_now *now)
+{
+    struct message_state *state = &view->state;
+    for (uint32_t i = 0; i < now->instruments && view->trace_taken; i++)
+        state->instrument[i].trace_count = 0;
+    view->trace_taken = false;
+    for (uint32_t i = 0; i < now->instruments; i++)
+        trace_force(view, i, now->link[i]);
+    if (now->time_s + 1e-9 < view->due_s)
+        return;
+    view->due_s = fmax(view->due_s, now->time_s - 1.0 / VIEW_RATE_HZ) + 1.0 / VIEW_RATE_HZ;
+
+    state->number++;
+    state->time_s = now->time_s;
+    state->instruments = now->instruments;
+    for (uint32_t i = 0; i < now->instruments; i++) {
+        struct message_instrument *to = &state->instrument[i];
+        view->link[i] = *now->link[i];
+        to->link = &view->link[i];
+        to->driven = view->input.hand[i].overridden;
+        memcpy(to->hand_target_m, now->hand_target_m[i], sizeof to->hand_target_m);
+    }
+    look_inside(view, now->controller);
     view->encoded = false;
     server_notify(view->server);
 }

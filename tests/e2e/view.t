@@ -8,19 +8,10 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import traceback
-from urllib.parse import urlparse
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 import view_browser  # noqa: E402
-
-TROCAR = os.path.join(os.environ.get("B", "build"), "trocar")
-PATIENCE_S = 120  # only ends a test that would never end
-SMALL, LARGE = (860, 480), (1280, 800)  # pages: the software renderer's time goes with the pixels
-
-
-class Skip(Exception):
-    pass
+from view_browser import LARGE, PATIENCE_S, SMALL, TROCAR, Skip, View, clean, frames_per_second, look  # noqa: E402
 
 
 def rounded_block(path):
@@ -49,64 +40,6 @@ def rounded_block(path):
     lines += ["$EndNodes", "$Elements", str(len(tetrahedra))]
     lines += ["%d 4 2 1 1 %d %d %d %d" % (e + 1, *t) for e, t in enumerate(tetrahedra)]
     path.write_text("\n".join(lines + ["$EndElements", ""]))
-
-
-class View:
-    """`trocar view` while it runs."""
-
-    hosts = set()  # of all so far: a page asks for its old one until it is sent elsewhere
-
-    def __init__(self, bank, gesture):
-        self.process = subprocess.Popen([TROCAR, "view", str(bank), "--gesture", str(gesture), "--port", "0"],
-                                        stdout=subprocess.PIPE, text=True)
-        self.address = self.process.stdout.readline().strip()
-        assert self.address.startswith("http://127.0.0.1:"), "trocar view printed no address"
-        View.hosts.add(urlparse(self.address).netloc)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self.process.terminate()
-        self.process.wait(30)
-        self.process.stdout.close()
-
-
-def look(page, address):
-    page.open(address)
-    page.until("return window.trocar && trocar.connected && trocar.frames > 5", "frames arrive", PATIENCE_S)
-
-
-def frames_per_second(page):
-    """Frames that the page got per second of the run, over two seconds of it; the best of some windows, because a machine
-    that is busy with other tests may hold the browser itself up."""
-    best = 0
-    for _ in range(5):
-        frames, time_s = page.run("return [trocar.frames, trocar.time_s]")
-        page.until("return trocar.time_s > %r" % (time_s + 2), "two seconds of the run go by", PATIENCE_S)
-        after = page.run("return [trocar.frames, trocar.time_s]")
-        best = max(best, (after[0] - frames) / (after[1] - time_s))
-        if best >= 25:
-            break
-    return best
-
-
-def clean(page, address):
-    errors = [entry["message"] for entry in page.log("browser") if entry["level"] == "SEVERE"]
-    assert not errors, "console: %s" % errors
-    foreign = set()
-    for entry in page.log("performance"):
-        message = view_browser.json.loads(entry["message"])["message"]
-        params = message["params"]
-        if message["method"] == "Network.requestWillBeSent" and params["documentURL"].startswith(address):
-            url = params["request"]["url"]
-        elif message["method"] == "Network.webSocketCreated":
-            url = params["url"]
-        else:
-            continue
-        if urlparse(url).scheme not in ("data", "blob") and urlparse(url).netloc not in View.hosts:
-            foreign.add(url)
-    assert not foreign, "requests to others: %s" % sorted(foreign)
 
 
 def organ_moves_and_force_rises(page, work):
@@ -214,8 +147,6 @@ def main():
     if reason:
         print("1..0 # SKIP " + reason)
         return 0
-    print("1..%d" % len(CLAIMS), flush=True)
-    failures = 0
     with tempfile.TemporaryDirectory(prefix="trocar-view-") as folder, view_browser.Browser(*SMALL) as page:
         work = pathlib.Path(folder)
         if os.environ.get("SCENE"):
@@ -225,19 +156,7 @@ def main():
             command = [str(work / "block.msh"), "--extent", "0.16"]
         subprocess.run([TROCAR, "build", *command, "-o", str(work / "bank")], check=True, stdout=subprocess.DEVNULL,
                        stderr=subprocess.DEVNULL)
-        for number, claim in enumerate(CLAIMS, 1):
-            name = claim.__name__.replace("_", " ")
-            try:
-                claim(page, work)
-                print("ok %d - %s" % (number, name), flush=True)
-            except Skip as why:
-                print("ok %d - %s # SKIP %s" % (number, name, why), flush=True)
-            except Exception as fault:  # every claim is reported
-                failures += 1
-                print("not ok %d - %s" % (number, name))
-                print("# " + (str(fault) or repr(fault)).replace("\n", "\n# "))
-                print("# " + traceback.format_exc().strip().splitlines()[-3].strip(), flush=True)
-    return 1 if failures else 0
+        return view_browser.report(CLAIMS, page, work)
 
 
 sys.exit(main())

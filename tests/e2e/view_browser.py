@@ -5,7 +5,8 @@
         page.until("return trocar.frames > 10", "frames arrive", 60)
         pixels = page.picture("#canvas")
 
-missing() says why there is no browser, or returns None."""
+missing() says why there is no browser, or returns None. View is the program that serves the page; look, frames_per_second and clean
+are what every test of the page asks."""
 import base64
 import json
 import os
@@ -13,12 +14,17 @@ import shutil
 import subprocess
 import tempfile
 import time
+import traceback
 import urllib.error
 import urllib.request
 import zlib
+from urllib.parse import urlparse
 
 DRIVERS = ("chromedriver", "/usr/lib/chromium/chromedriver")
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+TROCAR = os.path.join(os.environ.get("B", "build"), "trocar")
+PATIENCE_S = 120  # only ends a test that would never end
+SMALL, LARGE = (860, 480), (1280, 800)  # pages: the software renderer's time goes with the pixels
 ELEMENT = "element-6066-11e4-a52e-4f735466cecf"  # the key of an element's reference, W3C WebDriver 12.1
 
 
@@ -191,3 +197,84 @@ def differing(first_picture, second_picture, threshold=24):
             count += sum(max(abs(row[i + k] - other[i + k]) for k in range(3)) > threshold
                          for i in range(0, width * bpp, bpp))
     return count
+
+
+class View:
+    """`trocar view` while it runs."""
+
+    hosts = set()  # of all so far: a page asks for its old one until it is sent elsewhere
+
+    def __init__(self, bank, *gestures):
+        given = [word for gesture in gestures for word in ("--gesture", str(gesture))]
+        self.process = subprocess.Popen([TROCAR, "view", str(bank), *given, "--port", "0"], stdout=subprocess.PIPE, text=True)
+        self.address = self.process.stdout.readline().strip()
+        assert self.address.startswith("http://127.0.0.1:"), "trocar view printed no address"
+        View.hosts.add(urlparse(self.address).netloc)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.terminate()
+        self.process.wait(30)
+        self.process.stdout.close()
+
+
+def look(page, address):
+    page.open(address)
+    page.until("return window.trocar && trocar.connected && trocar.frames > 5", "frames arrive", PATIENCE_S)
+
+
+def frames_per_second(page):
+    """Frames that the page got per second of the run, over two seconds of it; the best of some windows, because a machine
+    that is busy with other tests may hold the browser itself up."""
+    best = 0
+    for _ in range(5):
+        frames, time_s = page.run("return [trocar.frames, trocar.time_s]")
+        page.until("return trocar.time_s > %r" % (time_s + 2), "two seconds of the run go by", PATIENCE_S)
+        after = page.run("return [trocar.frames, trocar.time_s]")
+        best = max(best, (after[0] - frames) / (after[1] - time_s))
+        if best >= 25:
+            break
+    return best
+
+
+def clean(page, address):
+    errors = [entry["message"] for entry in page.log("browser") if entry["level"] == "SEVERE"]
+    assert not errors, "console: %s" % errors
+    foreign = set()
+    for entry in page.log("performance"):
+        message = json.loads(entry["message"])["message"]
+        params = message["params"]
+        if message["method"] == "Network.requestWillBeSent" and params["documentURL"].startswith(address):
+            url = params["request"]["url"]
+        elif message["method"] == "Network.webSocketCreated":
+            url = params["url"]
+        else:
+            continue
+        if urlparse(url).scheme not in ("data", "blob") and urlparse(url).netloc not in View.hosts:
+            foreign.add(url)
+    assert not foreign, "requests to others: %s" % sorted(foreign)
+
+
+class Skip(Exception):
+    pass
+
+
+def report(claims, *given):
+    """Try each claim, a function of `given`, and print what became of it as TAP. The exit status."""
+    print("1..%d" % len(claims), flush=True)
+    failures = 0
+    for number, claim in enumerate(claims, 1):
+        name = claim.__name__.replace("_", " ")
+        try:
+            claim(*given)
+            print("ok %d - %s" % (number, name), flush=True)
+        except Skip as why:
+            print("ok %d - %s # SKIP %s" % (number, name, why), flush=True)
+        except Exception as fault:  # every claim is reported
+            failures += 1
+            print("not ok %d - %s" % (number, name))
+            print("# " + (str(fault) or repr(fault)).replace("\n", "\n# "))
+            print("# " + traceback.format_exc().strip().splitlines()[-3].strip(), flush=True)
+    return 1 if failures else 0

@@ -15,20 +15,27 @@
 
 static struct bank_file bank;
 static struct view *view;
-static struct link heard;
+static struct link heard, heard_second;
 static double now_s;
-static const double REST[3] = {0, 0, 0.1};
+static uint32_t instruments; /* that are shown; the bank has two */
+static struct controller inside;
 
 static int setup(void **state)
 {
     (void)state;
     struct failure why;
-    bank.bytes = bank_fixture(NULL, &bank.length);
+    struct bank_fixture_options options = bank_fixture_default;
+    options.instruments = 2;
+    options.grasp_slip_N = 2;
+    bank.bytes = bank_fixture(&options, &bank.length);
     assert_int_equal(bank_view_open(&bank.view, bank.bytes, bank.length), STATUS_OK);
     assert_int_equal(view_create(&bank, 0, &view, &why), STATUS_OK);
     link_start(&heard, 1);
+    link_start(&heard_second, 2);
     heard.state = SAFETY_RUN;
     now_s = 0;
+    instruments = 1;
+    memset(&inside, 0, sizeof inside);
     return 0;
 }
 
@@ -41,12 +48,21 @@ static int teardown(void **state)
     return 0;
 }
 
+static void update(void)
+{
+    view_update(view, &(struct view_now){.time_s = now_s,
+                                         .instruments = instruments,
+                                         .link = {&heard, &heard_second},
+                                         .hand_target_m = {{0, 0, 0.1}, {0, 0, 0.11}},
+                                         .controller = &inside});
+}
+
 /* One frame of the run, and a turn of the sockets. */
 static void frame(void)
 {
     now_s += 1.0 / VIEW_RATE_HZ;
     heard.pose_time_us = heard.heartbeat_time_us = (uint64_t)(1e6 * now_s);
-    view_update(view, &heard, now_s, REST);
+    update();
     view_serve(view, 0);
 }
 
@@ -109,6 +125,14 @@ static double number(struct json_object *json, const char *key)
     struct json_object *value;
     assert_true(json_object_object_get_ex(json, key, &value));
     return json_object_get_double(value);
+}
+
+/* What a message says of an instrument. */
+static struct json_object *of(struct json_object *json, size_t instrument)
+{
+    struct json_object *list;
+    assert_true(json_object_object_get_ex(json, "instruments", &list));
+    return json_object_array_get_idx(list, instrument);
 }
 
 static double frame_number(struct client *c)
@@ -205,7 +229,8 @@ static void frames_leave_thirty_times_per_second_of_the_run(void **state)
     (void)state;
     struct client c = join(0);
     for (int tick = 1; tick <= 2000; tick++) {
-        view_update(view, &heard, 1e-3 * tick, REST);
+        now_s = 1e-3 * tick;
+        update();
         view_serve(view, 0);
         client_receive(&c);
     }
@@ -261,6 +286,12 @@ static void what_a_page_should_not_send_is_counted_and_ignored(void **state)
                                       "{\"hand\":[0,0,1e999]}",
                                       "{\"hand\":[0,0,7]}",
                                       "{\"hand\":[0,0,0.1],\"do\":\"quit\"}",
+                                      "{\"hand\":[0,0,0.1],\"instrument\":2}",
+                                      "{\"hand\":[0,0,0.1],\"instrument\":-1}",
+                                      "{\"hand\":[0,0,0.1],\"instrument\":0.5}",
+                                      "{\"hand\":[0,0,0.1],\"instrument\":null}",
+                                      "{\"instrument\":0}",
+                                      "{\"do\":\"quit\",\"instrument\":0}",
                                       "{\"hand\":[[[[[[[[0]]]]]]]]}",
                                       "{\"do\":\"quit\"} x"};
     struct client c = join(0), good = join(0);
@@ -283,7 +314,7 @@ static void what_a_page_should_not_send_is_counted_and_ignored(void **state)
 
     struct view_input input;
     view_input(view, &input);
-    assert_false(input.quit || input.stop || input.acknowledge || input.overridden);
+    assert_false(input.quit || input.stop || input.acknowledge || input.hand[0].overridden || input.hand[1].overridden);
     frame();
     assert_int_equal(frame_number(&good), 1);
     assert_int_equal(frame_number(&c), 1);
@@ -420,14 +451,14 @@ static void the_hand_follows_a_page_within_reach_and_is_let_go_when_it_leaves(vo
     struct client c = join(0), other = join(0);
     struct view_input input = {0};
     assert_true(client_text(&c, "{\"hand\":[0.01,-0.02,0.1]}"));
-    for (int turn = 0; turn < 500 && !input.overridden; turn++) {
+    for (int turn = 0; turn < 500 && !input.hand[0].overridden; turn++) {
         view_serve(view, 2);
         view_input(view, &input);
     }
-    assert_true(input.overridden);
-    assert_float_equal(input.target_m[0], 0.01, 1e-12);
-    assert_float_equal(input.target_m[1], -0.02, 1e-12);
-    assert_float_equal(input.target_m[2], 0.1, 1e-12);
+    assert_true(input.hand[0].overridden);
+    assert_float_equal(input.hand[0].target_m[0], 0.01, 1e-12);
+    assert_float_equal(input.hand[0].target_m[1], -0.02, 1e-12);
+    assert_float_equal(input.hand[0].target_m[2], 0.1, 1e-12);
 
     assert_true(client_text(&c, "{\"hand\":[1,0,-1]}"));
     assert_true(client_text(&c, "{\"do\":\"stop\"}")); /* arrives after it */
@@ -435,25 +466,25 @@ static void the_hand_follows_a_page_within_reach_and_is_let_go_when_it_leaves(vo
         view_serve(view, 2);
         view_input(view, &input);
     }
-    double x = input.target_m[0], z = input.target_m[2], length = sqrt(x * x + z * z);
-    assert_float_equal(input.target_m[1], 0, 1e-12);
+    double x = input.hand[0].target_m[0], z = input.hand[0].target_m[2], length = sqrt(x * x + z * z);
+    assert_float_equal(input.hand[0].target_m[1], 0, 1e-12);
     assert_true(z > 0);
     assert_float_equal(length, (double)insertion->maximum, 1e-9);
     assert_float_equal(x / length, sin((double)bank.view.tools->axis[0].maximum), 1e-9);
     view_input(view, &input);
     assert_false(input.stop); /* once */
-    assert_true(input.overridden);
+    assert_true(input.hand[0].overridden);
 
     client_close(&other); /* another page's end changes nothing */
     for (int turn = 0; turn < 500 && view_clients(view) > 1; turn++)
         view_serve(view, 2);
     view_input(view, &input);
-    assert_true(input.overridden);
+    assert_true(input.hand[0].overridden);
     client_close(&c);
     for (int turn = 0; turn < 500 && view_clients(view) > 0; turn++)
         view_serve(view, 2);
     view_input(view, &input);
-    assert_false(input.overridden);
+    assert_false(input.hand[0].overridden);
 }
 
 static void numbers_that_are_not_finite_and_foreign_contacts_are_left_out(void **state)
@@ -468,11 +499,89 @@ static void numbers_that_are_not_finite_and_foreign_contacts_are_left_out(void *
     const unsigned char *rest;
     size_t length;
     struct json_object *json = next(&c, MESSAGE_FRAME, &rest, &length), *force, *contacts;
-    json_object_object_get_ex(json, "force_N", &force);
-    json_object_object_get_ex(json, "contacts", &contacts);
+    json_object_object_get_ex(of(json, 0), "force_N", &force);
+    json_object_object_get_ex(of(json, 0), "contacts", &contacts);
     assert_null(json_object_array_get_idx(force, 0));
     assert_float_equal(json_object_get_double(json_object_array_get_idx(force, 2)), 1.25, 1e-12);
     assert_int_equal(json_object_array_length(contacts), 1);
+    json_object_put(json);
+    client_close(&c);
+}
+
+static void each_instrument_has_its_own_force_and_hand(void **state)
+{
+    (void)state;
+    struct client c = join(0);
+    const unsigned char *rest;
+    size_t length;
+    struct json_object *json = next(&c, MESSAGE_HELLO, &rest, &length), *value;
+    for (size_t t = 0; t < 2; t++) {
+        json_object_object_get_ex(of(json, t), "trocar_m", &value);
+        for (size_t a = 0; a < 3; a++)
+            assert_float_equal(json_object_get_double(json_object_array_get_idx(value, a)),
+                               (double)bank.view.tools[t].trocar_m[a], 1e-8);
+    }
+    json_object_put(json);
+
+    instruments = 2;
+    press();
+    heard_second.force_N[0] = -0.5;
+    heard_second.grip = BANK_MAX_GRIP;
+    frame();
+    json = next(&c, MESSAGE_FRAME, &rest, &length);
+    for (size_t t = 0; t < 2; t++) {
+        json_object_object_get_ex(of(json, t), "force_N", &value);
+        assert_float_equal(json_object_get_double(json_object_array_get_idx(value, t ? 0 : 2)), t ? -0.5 : 1.25, 1e-12);
+        assert_float_equal(number(of(json, t), "grip"), t, 1e-12);
+    }
+    json_object_put(json);
+
+    struct view_input input = {0};
+    assert_true(client_text(&c, "{\"hand\":[0.01,0,0.1],\"instrument\":1}"));
+    for (int turn = 0; turn < 500 && !input.hand[1].overridden; turn++) {
+        view_serve(view, 2);
+        view_input(view, &input);
+    }
+    assert_true(input.hand[1].overridden);
+    assert_false(input.hand[0].overridden);
+    assert_float_equal(input.hand[1].target_m[0], 0.01, 1e-12);
+    assert_true(client_text(&c, "{\"hand\":null,\"instrument\":1}"));
+    for (int turn = 0; turn < 500 && input.hand[1].overridden; turn++) {
+        view_serve(view, 2);
+        view_input(view, &input);
+    }
+    assert_false(input.hand[1].overridden);
+    client_close(&c);
+}
+
+/* A held point is drawn at its place on the surface, and belongs to the instrument whose point of the tool it is. */
+static void points_that_the_jaws_hold_are_shown_where_the_tissue_is(void **state)
+{
+    (void)state;
+    const struct bank_view *b = &bank.view;
+    const uint32_t first_of_second = b->tools[0].point_count;
+    struct client c = join(0);
+    instruments = 2;
+    press();
+    inside.grasp.point[first_of_second] =
+        (struct grasp_point){.held = true, .triangle = 7, .weights = {0.25f, 0.25f, 0.5f}};
+    frame();
+    const unsigned char *rest;
+    size_t length;
+    struct json_object *json = next(&c, MESSAGE_FRAME, &rest, &length), *held, *none;
+    json_object_object_get_ex(of(json, 1), "held", &held);
+    json_object_object_get_ex(of(json, 0), "held", &none);
+    assert_int_equal(json_object_array_length(none), 0);
+    assert_int_equal(json_object_array_length(held), 1);
+    /* contact 0 of press() has the same anchor, and the field passes through its displacement to within the regularisation */
+    const double *d = heard.contact[0].displacement_m;
+    for (size_t a = 0; a < 3; a++) {
+        double wanted = d[a], x;
+        for (size_t k = 0; k < 3; k++)
+            wanted += (double[3]){0.25, 0.25, 0.5}[k] * (double)b->positions[3 * b->triangles[7].vertex[k] + a];
+        x = json_object_get_double(json_object_array_get_idx(json_object_array_get_idx(held, 0), a));
+        assert_float_equal(x, wanted, 2e-4);
+    }
     json_object_put(json);
     client_close(&c);
 }
@@ -519,6 +628,8 @@ int main(void)
         TEST(a_port_in_use_is_named),
         TEST(the_hand_follows_a_page_within_reach_and_is_let_go_when_it_leaves),
         TEST(numbers_that_are_not_finite_and_foreign_contacts_are_left_out),
+        TEST(each_instrument_has_its_own_force_and_hand),
+        TEST(points_that_the_jaws_hold_are_shown_where_the_tissue_is),
         TEST(more_connections_than_allowed_are_closed),
     };
     return cmocka_run_group_tests_name("view", tests, NULL, NULL);

@@ -1,4 +1,4 @@
-/* The 3D view: organ, instrument through its trocar, contacts and force, with three.js. World frame of the mesh, metres.
+/* The 3D view: the organ and its instruments (instrument.js), with three.js. World frame of the mesh, metres.
  *
  * The organ's triangles are those of the bank, displaced by the field; the normals are recomputed for every frame. Colour
  * shows the length of the displacement, on a scale that the legend states. Without WebGL the constructor throws. */
@@ -7,11 +7,6 @@
 /* Tissue at rest, then a path that grows lighter: still readable in grey and for colour-blind eyes. sRGB. */
 const COLOURS = [[0, 0xa8483f], [0.2, 0xbf5b47], [0.45, 0xd97f49], [0.7, 0xeaac54], [1, 0xf8df86]];
 const FIXED_COLOUR = 0x75879a;
-const FORCE_COLOUR = 0xc2410c;
-
-const linear = (c) => (c <= 0.04045 ? c / 12.92 : Math.pow((c + 0.055) / 1.055, 2.4));
-const paintOf = (hex) => new THREE.Color(hex).convertSRGBToLinear();
-const channels = (hex) => [hex >> 16 & 255, hex >> 8 & 255, hex & 255];
 
 /* sRGB 0..255 of the colour scale at s in 0..1. */
 function scaleColour(s) {
@@ -47,13 +42,11 @@ class Stage {
     while (this.scene.children.length) this.scene.remove(this.scene.children[0]);
 
     this.hello = hello;
-    const column = (k) => new THREE.Vector3(hello.rotation[k], hello.rotation[3 + k], hello.rotation[6 + k]);
-    this.axes = [column(0), column(1), column(2)];
-    this.up = this.axes[2].clone().negate(); // out of the body
-    this.trocar = new THREE.Vector3().fromArray(hello.trocar_m);
     this.buildOrgan(hello);
-    this.buildInstrument(hello.tip_radius_m);
-    this.buildForce();
+    this.instruments = hello.instruments.map((tool, i) => new Instrument(this.scene, tool, i, hello.jaws));
+    this.selected = this.instruments[0];
+    this.axes = this.selected.axes;
+    this.up = this.selected.out;
     this.home();
     this.buildLights();
   }
@@ -82,42 +75,6 @@ class Stage {
     this.scene.add(this.edges);
     this.geometry = geometry;
     this.paint(new Float32Array(hello.rest.length));
-  }
-
-  buildInstrument(radius) {
-    const steel = new THREE.MeshStandardMaterial({color: paintOf(0xc9d0d6), roughness: 0.32, metalness: 0.12});
-    const dark = new THREE.MeshStandardMaterial({color: paintOf(0x46535e), roughness: 0.55, metalness: 0.1});
-    this.tip = new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 40, 28), steel);
-    this.shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.45 * radius, 0.45 * radius, 1, 32), steel);
-    this.grip = new THREE.Mesh(new THREE.CylinderBufferGeometry(1.5 * radius, 1.1 * radius, 1, 32), dark);
-    this.ring = new THREE.Mesh(new THREE.TorusBufferGeometry(1.9 * radius, 0.5 * radius, 20, 56),
-      new THREE.MeshStandardMaterial({color: paintOf(0x2f86b8), roughness: 0.45, metalness: 0.1}));
-    this.ring.position.copy(this.trocar);
-    this.ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), this.up);
-    for (const part of [this.tip, this.shaft, this.grip, this.ring]) {
-      part.castShadow = true;
-      this.scene.add(part);
-    }
-    this.radius = radius;
-    this.dots = [];
-    const dot = new THREE.SphereBufferGeometry(0.24 * radius, 16, 12);
-    for (let i = 0; i < 16; i++) {
-      const mesh = new THREE.Mesh(dot, new THREE.MeshBasicMaterial({color: 0x10222e, depthTest: false, transparent: true, opacity: 0.85}));
-      mesh.visible = false;
-      mesh.renderOrder = 2;
-      this.dots.push(mesh);
-      this.scene.add(mesh);
-    }
-  }
-
-  buildForce() {
-    const paint = new THREE.MeshStandardMaterial({color: paintOf(FORCE_COLOUR), emissive: paintOf(FORCE_COLOUR), emissiveIntensity: 0.35, roughness: 0.6});
-    this.arrow = new THREE.Group();
-    this.arrowStem = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.62 * this.radius, 0.62 * this.radius, 1, 32), paint);
-    this.arrowHead = new THREE.Mesh(new THREE.ConeBufferGeometry(1.5 * this.radius, 3.4 * this.radius, 40), paint);
-    this.arrow.add(this.arrowStem, this.arrowHead);
-    this.arrow.visible = false;
-    this.scene.add(this.arrow);
   }
 
   buildLights() {
@@ -174,8 +131,8 @@ class Stage {
     const sight = view.multiplyScalar(0.78).addScaledVector(this.up, 0.62).normalize(); // from the target to the eye
     const right = this.up.clone().cross(sight).normalize(), above = sight.clone().cross(right);
 
-    /* The nearest distance from which the body and the trocar fit; the middle of the picture is the middle of both. */
-    const corners = [this.trocar.clone().addScaledVector(this.up, 0.02)];
+    /* The nearest distance from which the body and the trocars fit; the middle of the picture is the middle of both. */
+    const corners = this.instruments.map((instrument) => instrument.trocar.clone().addScaledVector(this.up, 0.02));
     for (let i = 0; i < rest.length; i += 3) corners.push(new THREE.Vector3().fromArray(rest, i));
     const middle = (axis) => {
       const along = corners.map((corner) => corner.dot(axis));
@@ -242,56 +199,27 @@ class Stage {
     this.position.needsUpdate = true;
     this.geometry.computeVertexNormals();
     this.paint(u);
-    this.moveInstrument(new THREE.Vector3().fromArray(frame.tip_m));
-    this.dots.forEach((dot, i) => {
-      dot.visible = i < frame.contacts.length;
-      if (dot.visible) dot.position.fromArray(frame.contacts[i]);
-    });
-    this.moveForce(new THREE.Vector3().fromArray(frame.tip_m), new THREE.Vector3().fromArray(frame.force_N));
+    this.instruments.forEach((instrument, i) => instrument.update(frame.instruments[i], this.metresPerNewton));
     this.dirty = true;
   }
 
-  moveInstrument(tip) {
-    const Y = new THREE.Vector3(0, 1, 0), axis = tip.clone().sub(this.trocar);
-    const inside = axis.length();
-    if (!(inside > 1e-6)) return;
-    axis.divideScalar(inside);
-    const outside = 0.045, handle = 0.032;
-    const along = (part, from, length) => {
-      part.quaternion.setFromUnitVectors(Y, axis.clone().negate());
-      part.position.copy(this.trocar).addScaledVector(axis, from + 0.5 * length);
-      part.scale.y = length;
-    };
-    along(this.shaft, -outside, inside + outside);
-    along(this.grip, -outside - handle, handle);
-    this.tip.position.copy(tip);
-  }
-
-  /* From the tip, in the direction in which the tissue pushes the tool. */
-  moveForce(tip, force) {
-    const newtons = force.length();
-    this.arrow.visible = newtons > 0.02;
-    if (!this.arrow.visible) return;
-    const head = 3.4 * this.radius, length = Math.max(head * 1.05, newtons * this.metresPerNewton);
-    this.arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), force.clone().divideScalar(newtons));
-    this.arrow.position.copy(tip);
-    this.arrowStem.scale.y = length - head;
-    this.arrowStem.position.y = 0.5 * (length - head);
-    this.arrowHead.position.y = length - 0.5 * head;
-    this.arrowEnd = tip.clone().addScaledVector(force, length / newtons);
-  }
-
-  /* Where the arrow ends on the canvas, in CSS pixels; null when there is no arrow. */
-  arrowOnScreen() {
-    if (!this.arrow || !this.arrow.visible) return null;
-    const p = this.arrowEnd.clone().project(this.camera);
+  /* Where an instrument's arrow ends on the canvas, in CSS pixels; null when there is no arrow. */
+  arrowOnScreen(number) {
+    const instrument = this.instruments && this.instruments[number];
+    if (!instrument || !instrument.arrow.visible) return null;
+    const p = instrument.arrowEnd.clone().project(this.camera);
     return {x: 0.5 * (1 + p.x) * this.canvas.clientWidth, y: 0.5 * (1 - p.y) * this.canvas.clientHeight};
   }
 
-  /* A step on the screen (right, up; metres at the tip) as a step of the hand in the trocar's frame, across the shaft. */
+  /* Whose hand the keys and the mouse move. */
+  select(number) {
+    if (this.instruments) this.selected = this.instruments[number];
+  }
+
+  /* A step on the screen (right, up; metres at the tip) as a step of the selected hand in its trocar's frame, across the shaft. */
   across(right, up) {
     const e = this.camera.matrixWorld.elements;
-    const local = (x, y, z) => this.axes.slice(0, 2).map((axis) => axis.x * x + axis.y * y + axis.z * z);
+    const local = (x, y, z) => this.selected.axes.slice(0, 2).map((axis) => axis.x * x + axis.y * y + axis.z * z);
     const unit = (v) => { const n = Math.hypot(v[0], v[1]) || 1; return [v[0] / n, v[1] / n]; };
     const r = unit(local(e[0], e[1], e[2]));
     /* seen from above, up on the screen is the camera's up; from the side, away from the camera */
@@ -301,7 +229,7 @@ class Stage {
 
   /* Metres at the tip per CSS pixel. */
   metresPerPixel() {
-    const distance = this.camera.position.distanceTo(this.tip.position);
+    const distance = this.camera.position.distanceTo(this.selected.tip);
     return 2 * distance * Math.tan(THREE.Math.degToRad(0.5 * this.camera.fov)) / Math.max(1, this.canvas.clientHeight);
   }
 

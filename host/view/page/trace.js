@@ -1,4 +1,4 @@
-/* Force over the last seconds, on a 2D canvas: axes with units, a scale of round numbers that does not flicker. */
+/* Forces over the last seconds, one line per instrument, on a 2D canvas: axes with units, a scale of round numbers that does not flicker. */
 'use strict';
 
 const TRACE_SPAN_S = 10;
@@ -6,24 +6,26 @@ const TRACE_SPAN_S = 10;
 class Trace {
   constructor(canvas) {
     this.canvas = canvas;
-    this.points = []; // [time_s, force_N], in order of time
+    this.lines = []; // per instrument [time_s, force_N], in order of time
   }
 
-  clear() {
-    this.points.length = 0;
+  /* For so many instruments. */
+  clear(count) {
+    this.lines = Array.from({length: count}, () => []);
   }
 
-  add(points) {
+  add(number, points) {
+    const line = this.lines[number];
     for (const point of points) {
-      const last = this.points[this.points.length - 1];
-      if (last && point[0] < last[0]) this.points.length = 0; // a new run has begun
-      if (!last || point[0] !== last[0]) this.points.push(point);
+      const last = line[line.length - 1];
+      if (last && point[0] < last[0]) line.length = 0; // a new run has begun
+      if (!last || point[0] !== last[0]) line.push(point);
     }
-    const last = this.points[this.points.length - 1];
+    const last = line[line.length - 1];
     if (!last) return;
     let stale = 0;
-    while (stale < this.points.length && this.points[stale][0] < last[0] - TRACE_SPAN_S - 0.5) stale++;
-    if (stale > 64) this.points.splice(0, stale);
+    while (stale < line.length && line[stale][0] < last[0] - TRACE_SPAN_S - 0.5) stale++;
+    if (stale > 64) line.splice(0, stale);
   }
 
   /* Top of the scale and number of its steps: the smallest round number that holds the value. */
@@ -48,7 +50,8 @@ class Trace {
     const left = 34, right = width - 8, top = 16, bottom = height - 32;
 
     let peak = 0;
-    for (const [t, f] of this.points) if (t >= now_s - TRACE_SPAN_S) peak = Math.max(peak, f);
+    for (const line of this.lines)
+      for (const [t, f] of line) if (t >= now_s - TRACE_SPAN_S) peak = Math.max(peak, f);
     const {top: limit, steps} = Trace.scale(Math.max(0.1, 1.05 * peak));
     const x = (t) => right + (t - now_s) / TRACE_SPAN_S * (right - left);
     const y = (f) => bottom - f / limit * (bottom - top);
@@ -77,18 +80,21 @@ class Trace {
     pen.textAlign = 'center';
     pen.fillText('time [s]', (left + right) / 2, bottom + 18);
 
-    const shown = this.points.filter(([t]) => t >= now_s - TRACE_SPAN_S && t <= now_s + 0.1);
-    if (shown.length < 2) return;
-    pen.beginPath();
-    shown.forEach(([t, f], i) => (i ? pen.lineTo(x(t), y(f)) : pen.moveTo(x(t), y(f))));
-    pen.strokeStyle = '#c2410c';
-    pen.lineWidth = 1.8;
-    pen.lineJoin = 'round';
-    pen.stroke();
-    pen.lineTo(x(shown[shown.length - 1][0]), bottom);
-    pen.lineTo(x(shown[0][0]), bottom);
-    pen.closePath();
-    pen.fillStyle = 'rgba(194, 65, 12, 0.10)';
-    pen.fill();
+    this.lines.forEach((line, number) => {
+      const shown = line.filter(([t]) => t >= now_s - TRACE_SPAN_S && t <= now_s + 0.1);
+      if (shown.length < 2) return;
+      const colour = '#' + FORCE_COLOURS[number % FORCE_COLOURS.length].toString(16).padStart(6, '0');
+      pen.beginPath();
+      shown.forEach(([t, f], i) => (i ? pen.lineTo(x(t), y(f)) : pen.moveTo(x(t), y(f))));
+      pen.strokeStyle = colour;
+      pen.lineWidth = 1.8;
+      pen.lineJoin = 'round';
+      pen.stroke();
+      pen.lineTo(x(shown[shown.length - 1][0]), bottom);
+      pen.lineTo(x(shown[0][0]), bottom);
+      pen.closePath();
+      pen.fillStyle = colour + '1a';
+      pen.fill();
+    });
   }
 }

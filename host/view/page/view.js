@@ -7,9 +7,10 @@
 
   let stage = null, hello = null, frame = null, socket = null, retry_ms = 500;
   const trace = new Trace($('trace'));
-  const seen = {frames: 0, first_s: 0, last_s: 0, max_mm: 0, peak_N: 0, history: []};
+  const seen = {frames: 0, first_s: 0, last_s: 0, max_mm: 0, peak_N: [], history: []};
   const HISTORY = 20000; // points of the force kept for readers of window.trocar
-  let target = null; // of the hand, trocar's frame, while this page moves it
+  let selected = 0; // whose hand keys and mouse move, whose health is shown
+  let targets = []; // of the hands, trocar's frame, while this page moves them
   let unsent = false, peaks = [], rate = {wall: 0, time: 0};
   const held = new Set();
 
@@ -50,7 +51,7 @@
     socket.onclose = () => {
       badge('OFFLINE');
       notice('The run has ended, or the connection was lost. Start it again with trocar view; this page connects by itself.', 'info', false);
-      target = null;
+      targets = [];
       setTimeout(connect, retry_ms);
       retry_ms = Math.min(8000, retry_ms * 2);
     };
@@ -59,11 +60,14 @@
   function greet(message) {
     hello = message;
     retry_ms = 500;
-    trace.clear();
-    target = null;
+    trace.clear(hello.instruments.length);
+    targets = [];
     $('scene').textContent = [hello.scene, hello.vertices + ' surface vertices', hello.triangles + ' triangles'].filter(Boolean).join(' \u00b7 ');
     document.title = (hello.scene ? hello.scene + ' \u2013 ' : '') + 'Trocar';
     buildHealth();
+    buildTiles();
+    buildHands();
+    $('legend-hold').hidden = !hello.jaws;
     if (stage) {
       stage.build(hello);
       setRange(0.005);
@@ -73,17 +77,19 @@
 
   function receive(message) {
     frame = message;
-    const newton = Math.hypot(...frame.force_N), max_mm = 1000 * (frame.max_m || 0);
+    const newtons = frame.instruments.map((i) => Math.hypot(...i.force_N)), max_mm = 1000 * (frame.max_m || 0);
     if (!seen.frames) seen.first_s = frame.time_s;
     seen.frames++;
     seen.last_s = frame.time_s;
     seen.max_mm = Math.max(seen.max_mm, max_mm);
-    seen.peak_N = Math.max(seen.peak_N, newton);
-    for (const [t, N] of frame.trace) seen.history.push({time_s: t, force_N: N});
+    frame.instruments.forEach((state, i) => {
+      seen.peak_N[i] = Math.max(seen.peak_N[i] || 0, newtons[i]);
+      trace.add(i, state.trace);
+    });
+    for (const [t, N] of frame.instruments[0].trace) seen.history.push({time_s: t, force_N: N});
     if (seen.history.length > HISTORY) seen.history.splice(0, seen.history.length - HISTORY);
-    trace.add(frame.trace);
 
-    peaks.push([frame.time_s, max_mm / 1000, newton]);
+    peaks.push([frame.time_s, max_mm / 1000, Math.max(...newtons)]);
     while (peaks.length && (peaks[0][0] < frame.time_s - 8 || peaks[0][0] > frame.time_s)) peaks.shift();
     if (stage) {
       setRange(Math.max(0.005, ...peaks.map((p) => p[1])));
@@ -112,44 +118,96 @@
     $('acknowledge').hidden = !acknowledge;
   }
 
+  const nameOf = (i) => hello.instruments[i].name || ['first', 'second'][i];
+  const several = () => hello.instruments.length > 1;
+
+  /* The state that matters most: silent, SAFE, not yet started, RUN. */
+  function worst() {
+    const rank = (i) => (i.silent_s > 1.5 ? 0 : 1 + ['SAFE', 'INIT', 'READY', 'RUN'].indexOf(i.state));
+    const number = frame.instruments.reduce((best, i, k) => (rank(i) < rank(frame.instruments[best]) ? k : best), 0);
+    return {...frame.instruments[number], who: several() ? nameOf(number) + ': ' : ''};
+  }
+
   function showState() {
-    const silent = frame.silent_s > 1.5;
-    badge(silent ? 'SILENT' : frame.state);
-    if (silent) notice('Nothing was heard from the controller for ' + frame.silent_s.toFixed(1) + ' s: check its power and the bus.', '', false);
-    else if (frame.state === 'SAFE') notice('Torque is off: ' + (frame.reason ? frame.meaning + ' (' + frame.reason + '). Then ' + frame.remedy + '.' : 'stopped on request.'), '', true);
-    else if (frame.state === 'READY') notice('The controller is ready; torque is off until it is acknowledged.', 'info', true);
+    const of = worst(), silent = of.silent_s > 1.5;
+    badge(silent ? 'SILENT' : of.state);
+    if (silent) notice(of.who + 'Nothing was heard from the controller for ' + of.silent_s.toFixed(1) + ' s: check its power and the bus.', '', false);
+    else if (of.state === 'SAFE') notice(of.who + 'Torque is off: ' + (of.reason ? of.meaning + ' (' + of.reason + '). Then ' + of.remedy + '.' : 'stopped on request.'), '', true);
+    else if (of.state === 'READY') notice(of.who + 'The controller is ready; torque is off until it is acknowledged.', 'info', true);
     else if (frame.field_error) notice('The displacement cannot be shown: ' + frame.field_error + '.', '', false);
     else notice('', '', false);
-    $('stop').disabled = frame.state !== 'RUN';
+    $('stop').disabled = !frame.instruments.some((i) => i.state === 'RUN');
   }
 
-  let cells = [], units = [];
+  /* A tile per force, before that of the displacement. */
+  function buildTiles() {
+    const tiles = $('tiles');
+    tiles.querySelectorAll('.force').forEach((tile) => tile.remove());
+    tiles.classList.toggle('three', several());
+    hello.instruments.forEach((_, i) => {
+      const tile = document.createElement('div');
+      tile.className = 'tile force' + (i ? ' second' : '');
+      tile.innerHTML = '<div class="label"></div><div class="value"><span>0.00</span><small>N</small></div>';
+      tile.querySelector('.label').textContent = several() ? 'Force, ' + nameOf(i) : 'Force on hand';
+      tiles.insertBefore(tile, tiles.lastElementChild);
+    });
+    tiles.lastElementChild.querySelector('.label').textContent = several() ? 'Moved, max' : 'Displacement, max';
+    document.querySelector('.swatch.arrow.second').hidden = !several();
+  }
+
+  /* With two instruments: whose hand is moved. */
+  function buildHands() {
+    $('hands').hidden = $('switch').hidden = !several();
+    $('hands').textContent = '';
+    hello.instruments.forEach((_, i) => {
+      const button = document.createElement('button');
+      button.type = 'button';
+      button.textContent = nameOf(i);
+      button.addEventListener('click', () => select(i));
+      $('hands').append(button);
+    });
+    select(Math.min(selected, hello.instruments.length - 1));
+  }
+
+  function select(number) {
+    if (!hello || number >= hello.instruments.length) return;
+    selected = number;
+    held.clear();
+    if (stage) stage.select(number);
+    [...$('hands').children].forEach((button, i) => { button.className = (i ? 'second' : '') + (i === number ? ' selected' : ''); });
+    $('health-caption').textContent = 'Health' + (several() ? ', ' + nameOf(number) : '');
+    $('driven-name').textContent = several() ? 'the ' + nameOf(number) + ' instrument' : 'the instrument';
+  }
+
+  const mine = () => frame && frame.instruments[selected];
+
+  /* Health, but for what only a program compares. Names of what is information rather than a loss are not emphasised. */
+  const UNSHOWN = /^state_hash$|^hash_tick$/, PLAIN = /^tick|^energy|^row_work|^worst_tick|^Frames dropped/;
+  let cells = [];
   function buildHealth() {
-    /* a value's unit is the last part of its name */
-    units = hello.health_names.map((name) => (/_100uJ$/.test(name) ? 0.1 : 1));
-    const names = hello.health_names.map((name) => name.replace(/_100uJ$/, ' [mJ]')).concat(['Frames dropped', 'Messages refused']);
-    const body = $('health').tBodies[0], rows = Math.ceil(names.length / 2);
+    const body = $('health').tBodies[0];
+    const shown = hello.health_names.map((name, i) => ({name, value: (state) => state.health[i]})).filter(({name}) => !UNSHOWN.test(name));
+    shown.push({name: 'Frames dropped', value: () => frame.dropped}, {name: 'Messages refused', value: () => frame.malformed});
+    const rows = Math.ceil(shown.length / 2);
     body.textContent = '';
-    cells = [];
     for (let r = 0; r < rows; r++) body.insertRow();
-    names.forEach((name, i) => {
-      const row = body.rows[i % rows];
-      row.insertCell().textContent = name.replace(/_/g, ' ').replace(/^./, (c) => c.toUpperCase());
+    cells = shown.map(({name, value}, i) => {
+      const row = body.rows[i % rows], energy = /_100uJ$/.test(name); // a value's unit is the last part of its name
+      row.insertCell().textContent = name.replace(/_100uJ$/, ' [mJ]').replace(/_us$/, ' [\u00b5s]').replace(/_/g, ' ').replace(/^./, (c) => c.toUpperCase());
       const cell = row.insertCell();
       cell.className = 'n';
-      cells.push(cell);
+      return {cell, plain: PLAIN.test(name), value, text: (v) => (energy ? (0.1 * v).toFixed(1) : String(v))};
     });
   }
 
-  /* Names of what is information rather than a loss: not emphasised when it is above zero. */
-  const PLAIN = /^tick|^energy|^Frames/;
   function showHealth() {
-    const names = hello.health_names.concat(['Frames', 'Messages']);
-    frame.health.concat([frame.dropped, frame.malformed]).forEach((value, i) => {
-      const text = units[i] < 1 ? (value * units[i]).toFixed(1) : String(value);
-      if (cells[i].textContent !== text) cells[i].textContent = text;
-      cells[i].classList.toggle('count', value > 0 && !PLAIN.test(names[i]));
-    });
+    const state = mine();
+    if (!state) return;
+    for (const {cell, plain, value, text} of cells) {
+      const now = value(state), shown = text(now);
+      if (cell.textContent !== shown) cell.textContent = shown;
+      cell.classList.toggle('count', now > 0 && !plain);
+    }
   }
 
   function setRange(max_m) {
@@ -183,9 +241,11 @@
 
   function showNumbers() {
     $('clock').textContent = frame.time_s.toFixed(2) + ' s';
-    $('force').textContent = Math.hypot(...frame.force_N).toFixed(2);
+    document.querySelectorAll('.tile.force .value span').forEach((value, i) => {
+      value.textContent = frame.instruments[i] ? Math.hypot(...frame.instruments[i].force_N).toFixed(2) : '\u2013';
+    });
     $('displacement').textContent = (1000 * (frame.max_m || 0)).toFixed(1);
-    $('driven').hidden = !frame.driven;
+    $('driven').hidden = !(mine() && mine().driven);
     /* over some seconds, because the browser itself holds messages up for parts of one */
     const now = performance.now();
     if (now - rate.wall > 5000) {
@@ -195,12 +255,14 @@
     }
   }
 
-  function placeLabel() {
-    const at = stage && frame ? stage.arrowOnScreen() : null, label = $('force-label');
-    label.hidden = !at;
-    if (!at) return;
-    label.textContent = Math.hypot(...frame.force_N).toFixed(2) + ' N';
-    label.style.transform = 'translate(' + Math.round(at.x + 18) + 'px,' + Math.round(at.y - 12) + 'px)';
+  function placeLabels() {
+    document.querySelectorAll('.force-label').forEach((label, i) => {
+      const state = frame && frame.instruments[i], at = stage && state ? stage.arrowOnScreen(i) : null;
+      label.hidden = !at;
+      if (!at) return;
+      label.textContent = Math.hypot(...state.force_N).toFixed(2) + ' N';
+      label.style.transform = 'translate(' + Math.round(at.x + 18) + 'px,' + Math.round(at.y - 12) + 'px)';
+    });
   }
 
   /* ---- the hand ---- */
@@ -213,20 +275,20 @@
 
   /* Right and up as seen on the screen, inwards along the instrument; metres. */
   function push(right, up, inwards) {
-    if (!frame) return;
-    if (!target) target = frame.hand_m.slice();
+    if (!mine()) return;
+    let target = targets[selected] || mine().hand_m.slice();
     const [x, y] = stage ? stage.across(right, up) : [right, up], length = Math.hypot(...target) || 1;
     target = target.map((v, i) => v + [x, y, 0][i] + inwards * v / length);
-    const low = 0.9 * hello.joint_min[2], high = 1.1 * hello.joint_max[2], reach = Math.hypot(...target) || 1;
-    const scale = Math.min(high, Math.max(low, reach)) / reach;
-    target = target.map((v) => v * scale);
+    const tool = hello.instruments[selected], reach = Math.hypot(...target) || 1;
+    const scale = Math.min(1.1 * tool.joint_max[2], Math.max(0.9 * tool.joint_min[2], reach)) / reach;
+    targets[selected] = target.map((v) => v * scale);
     unsent = true;
   }
 
   function release() {
-    target = null;
+    targets[selected] = null;
     unsent = false;
-    send({hand: null});
+    send({hand: null, instrument: selected});
   }
 
   /* Keys that are held move the hand by the run's time, once per frame. */
@@ -235,7 +297,7 @@
     const step = KEY_SPEED_M_S * Math.min(0.1, Math.max(0, frame.time_s - moved_s));
     moved_s = frame.time_s;
     for (const code of held) push(...KEYS[code].map((v) => v * step));
-    if (unsent && target) send({hand: target});
+    if (unsent && targets[selected]) send({hand: targets[selected], instrument: selected});
     unsent = false;
   }
 
@@ -245,6 +307,7 @@
       event.preventDefault();
       release();
     }
+    if (hello && several() && (event.code === 'Digit1' || event.code === 'Digit2')) select(Number(event.code.slice(5)) - 1);
     if (!KEYS[event.code]) return;
     event.preventDefault();
     if (!event.repeat) {
@@ -295,7 +358,7 @@
       showNumbers();
       trace.draw(frame.time_s);
     }
-    if (stage && stage.render()) placeLabel();
+    if (stage && stage.render()) placeLabels();
   }
 
   window.addEventListener('resize', () => {
@@ -314,15 +377,24 @@
       get time_s() { return seen.last_s; },
       get displacement_mm() { return frame ? 1000 * frame.max_m : 0; },
       get largest_displacement_mm() { return seen.max_mm; },
-      get force_N() { return frame ? Math.hypot(...frame.force_N) : 0; },
-      get peak_force_N() { return seen.peak_N; },
+      /* of the selected instrument, */
+      get force_N() { return mine() ? Math.hypot(...mine().force_N) : 0; },
+      get peak_force_N() { return seen.peak_N[selected] || 0; },
+      get tip_m() { return mine() ? mine().tip_m.slice() : null; },
+      get hand_m() { return mine() ? mine().hand_m.slice() : null; },
+      get driven() { return Boolean(mine() && mine().driven); },
+      get selected() { return selected; },
+      /* of the first, */
       get force_history() { return seen.history.map((p) => ({...p})); },
-      get tip_m() { return frame ? frame.tip_m.slice() : null; },
-      get hand_m() { return frame ? frame.hand_m.slice() : null; },
-      get driven() { return Boolean(frame && frame.driven); },
-      get contacts() { return frame ? frame.contacts.length : 0; },
-      get state() { return frame ? frame.state : ''; },
-      get reason() { return frame ? frame.reason : ''; },
+      /* of all: the worst state, and each by itself */
+      get state() { return frame ? worst().state : ''; },
+      get reason() { return frame ? worst().reason : ''; },
+      get instruments() {
+        return !frame ? [] : frame.instruments.map((i, k) => ({
+          name: nameOf(k), state: i.state, force_N: Math.hypot(...i.force_N), peak_force_N: seen.peak_N[k], tip_m: i.tip_m.slice(),
+          hand_m: i.hand_m.slice(), driven: i.driven, grip: i.grip, contacts: i.contacts.length, held: i.held.length,
+        }));
+      },
     }),
   });
 
