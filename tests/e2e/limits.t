@@ -12,29 +12,14 @@ import sys
 import tempfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-sys.path[:0] = [HERE, os.path.join(HERE, "../rig")]
+sys.path[:0] = [HERE, os.path.join(HERE, "../rig"), os.path.join(HERE, "..")]
 import emulated
 from block import SCENE, write_block
+from tap import check, finish, skip
 
 trocar = os.path.abspath(os.path.join(os.environ.get("B", "build"), "trocar"))
 DATA = pathlib.Path(os.environ.get("TROCAR_DATA", "../shared/data"))
 PORT = emulated.CortexM7()
-count = failed = 0
-
-
-def check(claim, good, detail=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print(f"{'ok' if good else 'not ok'} {count} - {claim}", flush=True)
-    if not good and detail:
-        print("\n".join("# " + line for line in str(detail).splitlines()[:20]), flush=True)
-
-
-def skip(claim, why):
-    global count
-    count += 1
-    print(f"ok {count} - {claim} # SKIP {why}", flush=True)
 
 
 def build(source, bank, *options):
@@ -199,5 +184,4 @@ with tempfile.TemporaryDirectory(prefix="trocar-limits-") as folder:
     block(pathlib.Path(folder))
     if "TROCAR_LONG" in os.environ:
         livers(pathlib.Path(folder))
-print(f"1..{count}")
-sys.exit(1 if failed else 0)
+finish()

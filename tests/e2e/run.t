@@ -12,20 +12,12 @@ import sys
 import tempfile
 import zlib
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, "..")]
 from block import write_block
+from tap import check, finish
 
 trocar = os.path.join(os.environ.get("B", "build"), "trocar")
-count = failed = 0
-
-
-def check(claim, good, detail=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print(f"{'ok' if good else 'not ok'} {count} - {claim}")
-    if not good and detail:
-        print("\n".join("# " + line for line in str(detail).splitlines()))
 
 
 def run(*arguments):
@@ -189,5 +181,4 @@ if not os.access(trocar, os.X_OK):
     sys.exit(0)
 with tempfile.TemporaryDirectory() as temporary:
     main(temporary)
-print(f"1..{count}")
-sys.exit(1 if failed else 0)
+finish()

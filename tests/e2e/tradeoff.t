@@ -9,27 +9,13 @@ import sys
 import tempfile
 import xml.etree.ElementTree
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, "..")]
 import view_browser
 from block import SCENE, write_block
+from tap import check, finish, skip
 
 trocar = os.path.join(os.environ.get("B", "build"), "trocar")
-count = failed = 0
-
-
-def check(claim, good, detail=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print(f"{'ok' if good else 'not ok'} {count} - {claim}", flush=True)
-    if not good and detail:
-        print("\n".join("# " + line for line in str(detail).splitlines()[:40]), flush=True)
-
-
-def skip(claim, why):
-    global count
-    count += 1
-    print(f"ok {count} - {claim} # SKIP {why}", flush=True)
 
 
 def run(*arguments, **more):
@@ -278,5 +264,4 @@ def main(folder):
 
 with tempfile.TemporaryDirectory(prefix="trocar-tradeoff-") as place:
     main(place)
-print(f"1..{count}")
-sys.exit(1 if failed else 0)
+finish()

@@ -1,36 +1,19 @@
 #!/bin/sh
 # Visco-elastic tissue from the outside: measurements in, a bank with the fitted branches, a drawing, a run that full finite
 # elements agree with; and refusals in one line.
-build=${B:-build}
-work=$(mktemp -d) || exit 1
-trap 'rm -rf "$work"' EXIT
-test=0
-
-result()
-{
-    test=$((test + 1))
-    if [ "$1" = 0 ]; then
-        echo "ok $test - $2"
-    else
-        echo "not ok $test - $2"
-        sed 's/^/# /' "$work/out" "$work/err"
-    fi
-}
+. tests/refused.sh
 
 scene()
 {
-    sed "s|block.geo|$PWD/host/scenes/demo/block.geo|; /^effects:/d" host/scenes/demo/block.yaml
+    block_scene '/^effects:/d'
     echo "effects: $1"
 }
 
-# In exit code $1, with $2 in the only line, for the effects $3.
-refused()
+# The effects $3.
+bad()
 {
     scene "$3" >"$work/bad.yaml"
-    "$build/trocar" build "$work/bad.yaml" --quiet -o "$work/bad.bank" >"$work/out" 2>"$work/err"
-    status=$?
-    [ "$status" = "$1" ] && [ "$(wc -l <"$work/err")" = 1 ] && grep -qF "$2" "$work/err" && [ ! -e "$work/bad.bank" ]
-    result $? "$4"
+    refused "$1" "$2" "$4"
 }
 
 echo 1..10
@@ -58,11 +41,11 @@ rm "$work/rheometer.csv"
 "$build/trocar" run "$work/fit.bank" --json >"$work/out" 2>"$work/err" &&
     tr ',{}' '\n\n\n' <"$work/out" | awk -F: '/"force_error_vs_fem"/ {found = 1; bad = $2 + 0 > 1e-4 || $2 ~ /null/} END {exit !found || bad}'
 result $? "a run of it, without the table, gives the forces of full finite elements to 1e-4"
-refused 5 'friction and viscoelastic do not go together' '{friction: {mu: 0.2}, viscoelastic: {viscosity: 20 ms}}' \
+bad 5 'friction and viscoelastic do not go together' '{friction: {mu: 0.2}, viscoelastic: {viscosity: 20 ms}}' \
     "visco-elastic tissue with friction"
-refused 5 'has both prony and boltzmann' '{viscoelastic: {prony: [[0.3, 1 s]], boltzmann: {k1: 1 kPa, k2: 1 kPa, C: 1 Pa s}}}' \
+bad 5 'has both prony and boltzmann' '{viscoelastic: {prony: [[0.3, 1 s]], boltzmann: {k1: 1 kPa, k2: 1 kPa, C: 1 Pa s}}}' \
     "two models"
-refused 5 'C: 3 has no unit; a viscosity is expected here (Pa s, kPa s)' '{viscoelastic: {kelvin_voigt: {k: 1 kPa, C: 3}}}' \
+bad 5 'C: 3 has no unit; a viscosity is expected here (Pa s, kPa s)' '{viscoelastic: {kelvin_voigt: {k: 1 kPa, C: 3}}}' \
     "a viscosity without its unit"
-refused 5 'the time of a branch = 0 s' '{viscoelastic: {prony: [[0.3, 0 s]]}}' "a branch without a time"
-refused 3 'none.csv' '{viscoelastic: {fit: none.csv}}' "measurements that are not there"
+bad 5 'the time of a branch = 0 s' '{viscoelastic: {prony: [[0.3, 0 s]]}}' "a branch without a time"
+bad 3 'none.csv' '{viscoelastic: {fit: none.csv}}' "measurements that are not there"

@@ -1,30 +1,13 @@
 #!/bin/sh
 # Scenes from the outside: a bad one ends in one line that names file, line and remedy, in exit code 5, and writes nothing;
 # the demo's scenes build, with surfaces of the size that keeps the demo quick.
-build=${B:-build}
-work=$(mktemp -d) || exit 1
-trap 'rm -rf "$work"' EXIT
-test=0
+. tests/refused.sh
 
-result()
+# The block's scene with the sed edit $3.
+bad()
 {
-    test=$((test + 1))
-    if [ "$1" = 0 ]; then
-        echo "ok $test - $2"
-    else
-        echo "not ok $test - $2"
-        sed 's/^/# /' "$work/err"
-    fi
-}
-
-# The block's scene with one sed edit is refused in exit code $1, the message having $2.
-refused()
-{
-    sed "s|block.geo|$PWD/host/scenes/demo/block.geo|; $3" host/scenes/demo/block.yaml >"$work/bad.yaml"
-    "$build/trocar" build "$work/bad.yaml" --quiet -o "$work/bad.bank" >"$work/out" 2>"$work/err"
-    status=$?
-    [ "$status" = "$1" ] && [ "$(wc -l <"$work/err")" = 1 ] && grep -qF "$2" "$work/err" && [ ! -e "$work/bad.bank" ]
-    result $? "$4"
+    block_scene "$3" >"$work/bad.yaml"
+    refused "$1" "$2" "$4"
 }
 
 builds()
@@ -37,16 +20,16 @@ builds()
 }
 
 echo 1..13
-refused 5 "bad.yaml:4: unknown key 'boddy'" 's/^body:/boddy:/' "an unknown key"
-refused 5 "did you mean 'body'?" 's/^body:/boddy:/' "an unknown key brings the nearest one"
-refused 5 'bad.yaml:7: E: 12 has no unit; a pressure is expected here (Pa, kPa, MPa, GPa)' 's/12 kPa/12/' "a missing unit"
-refused 5 'bad.yaml:8: E = -2000 Pa' 's/E: 2 kPa/E: -2 kPa/' "a negative modulus"
-refused 5 'bad.yaml:8: nu = 0.5' '8s/nu: 0.45/nu: 0.5/' "an incompressible material"
-refused 5 'bad.yaml:12: box holds no node' '12s/0.10/3/g' "an empty selection"
-refused 5 "bad.yaml:8: material for label 'fatt', but the mesh has only: " 's/label: fat/label: fatt/' "a material for no label"
-refused 7 "elements with label 1 'muscle' have no material" '7d' "a label without a material"
-refused 5 'this version offers: friction' '$a effects: {glue: {mu: 0.2}}' "an effect"
-refused 5 "reaches no point of the body: the nearest is " '$a instruments: [{name: far, trocar: {at: [0.6, 0.5, 0.2], axis: [0, 0, -1]}}]' "a trocar from which nothing is in reach"
-refused 5 "can come to 1.83 m from the origin" '$a instruments: [{name: far, trocar: {at: [1.6, 0, 0], axis: [0, 0, -1]}}]' "a tip beyond what the bus reports"
+bad 5 "bad.yaml:4: unknown key 'boddy'" 's/^body:/boddy:/' "an unknown key"
+bad 5 "did you mean 'body'?" 's/^body:/boddy:/' "an unknown key brings the nearest one"
+bad 5 'bad.yaml:7: E: 12 has no unit; a pressure is expected here (Pa, kPa, MPa, GPa)' 's/12 kPa/12/' "a missing unit"
+bad 5 'bad.yaml:8: E = -2000 Pa' 's/E: 2 kPa/E: -2 kPa/' "a negative modulus"
+bad 5 'bad.yaml:8: nu = 0.5' '8s/nu: 0.45/nu: 0.5/' "an incompressible material"
+bad 5 'bad.yaml:12: box holds no node' '12s/0.10/3/g' "an empty selection"
+bad 5 "bad.yaml:8: material for label 'fatt', but the mesh has only: " 's/label: fat/label: fatt/' "a material for no label"
+bad 7 "elements with label 1 'muscle' have no material" '7d' "a label without a material"
+bad 5 'this version offers: friction' '$a effects: {glue: {mu: 0.2}}' "an effect"
+bad 5 "reaches no point of the body: the nearest is " '$a instruments: [{name: far, trocar: {at: [0.6, 0.5, 0.2], axis: [0, 0, -1]}}]' "a trocar from which nothing is in reach"
+bad 5 "can come to 1.83 m from the origin" '$a instruments: [{name: far, trocar: {at: [1.6, 0, 0], axis: [0, 0, -1]}}]' "a tip beyond what the bus reports"
 builds demo
 builds block

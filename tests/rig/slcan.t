@@ -12,24 +12,16 @@ import sys
 import tempfile
 import urllib.request
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, "..")]
 import dbc
 import session_log
+from tap import check, finish
 
 B = os.environ.get("B", "build")
 TROCAR, CONTROLLER, PROBE = B + "/trocar", B + "/firmware/native/controller.elf", B + "/tests/rig/socketcan_probe"
 GESTURE = "approach 0.1 s\npress 8 mm in 0.15 s\npress 0 mm in 0.1 s\nretract 0.1 s\n"
 TICKS = 500
-count = failed = 0
-
-
-def check(claim, good, detail=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print("%sok %d - %s" % ("" if good else "not ", count, claim), flush=True)
-    if not good:
-        print("".join("# %s\n" % line for line in str(detail).splitlines()), end="")
 
 
 def session(place, slow):
@@ -110,8 +102,7 @@ def main():
         refused = subprocess.run([TROCAR, "run", "--bus", "slcan:%s/none" % place], stderr=subprocess.PIPE, text=True)
         check("a line that is not there is told in one line", refused.returncode == 8 and refused.stderr.count("\n") == 1 and
               "BUS_INTERFACE" in refused.stderr, refused.stderr)
-    print("1..%d" % count)
-    return 1 if failed else 0
+    finish()
 
 
 sys.exit(main())

@@ -14,9 +14,11 @@ import subprocess
 import sys
 import tempfile
 
-sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path[:0] = [HERE, os.path.join(HERE, "..")]
 import dbc
 import session_log
+from tap import check, finish
 
 B = os.environ.get("B", "build")
 TROCAR, CONTROLLER, PROBE = B + "/trocar", B + "/firmware/native/controller.elf", B + "/tests/rig/socketcan_probe"
@@ -100,16 +102,6 @@ took "session at"
 two $SLOW
 took "two at"
 """
-count = failed = 0
-
-
-def check(claim, good, detail=""):
-    global count, failed
-    count += 1
-    failed += not good
-    print("%sok %d - %s" % ("" if good else "not ", count, claim), flush=True)
-    if not good:
-        print("".join("# %s\n" % line for line in str(detail).splitlines()), end="")
 
 
 def text(path):
@@ -220,8 +212,7 @@ def main():
         judge_replay(place)
         judge_session(place, log)
         judge_load(place, log, two, (busload(place, 1), busload(place, 2)))
-    print("1..%d" % count)
-    return 1 if failed else 0
+    finish()
 
 
 sys.exit(main())
