@@ -43,8 +43,10 @@ static void touch(struct controller *c, const struct bank_view *bank, const stru
     float points_m[BANK_MAX_TOOL_POINTS][3];
     for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
         kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
+    effects_sense(c, 0, in);
     effects_move(c, bank, points_m, tool->point_count);
     collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
+    effects_touch(c, bank);
     contact_gather(&c->contact, &c->collide);
     effects_place(c, bank, in);
     contact_admit(&c->contact, &c->rows, bank);

@@ -231,6 +231,33 @@ struct bank_grasp {
     uint32_t sweeps;                  /* 1 .. BANK_MAX_SWEEPS */
 };
 
+/* SHAP, present exactly when the effect shape is named, count = cells: this record, then per cell two uint16, triangles of which
+ * one is the nearest to the cell's middle and the other the nearest of those that face the other way, BANK_NONE where there is
+ * none within band_m and half the cell's diagonal. Cell c = x + nx (y + ny z). The points of all instruments, one instrument
+ * after the other, are spheres; their place takes that of TOOL's point_m. */
+#define BANK_SHAP            BANK_TAG('S', 'H', 'A', 'P')
+#define BANK_MAX_OPENING_RAD 1.5707963f /* of one jaw */
+#define BANK_MIDDLE_ROLL     512        /* count of roll at which the shaft is not turned; a turn has twice as many */
+struct bank_sphere {
+    float
+        centre_m[3]; /* in the instrument's frame, origin at the tip, Z along the shaft; on a jaw: of the jaw's hinge */
+    float radius_m;  /* 0 to band_m */
+    float along_m;   /* from the hinge along the jaw; 0 on the shaft */
+    float side;      /* -1 or 1: which jaw, opening towards -X or X; 0 on the shaft */
+    uint32_t reserved[2]; /* 0 */
+};
+struct bank_shape {
+    float band_m; /* a sphere's centre has a seed to this distance outside the surface; above 0 */
+    float origin_m[3];
+    float cell_m;
+    uint16_t cells[3]; /* nx, ny, nz; product <= BANK_MAX_GRID_CELLS */
+    uint16_t reserved; /* 0 */
+    float opening_rad
+        [BANK_MAX_INSTRUMENTS]; /* of one jaw from the shaft's axis at the grip's count 0: 0 to BANK_MAX_OPENING_RAD */
+    uint32_t zero[3];
+    struct bank_sphere sphere[BANK_MAX_TOOL_POINTS]; /* 0 beyond the last point */
+};
+
 /* SWNG, present exactly when the effect swing is named, count = modes: struct bank_swing, then per mode and vertex 3 float32, the
  * mode's share s of the displacement, (m/N)^(1/2): the compliance holds the sum of s s'. */
 #define BANK_SWNG      BANK_TAG('S', 'W', 'N', 'G')
@@ -285,6 +312,8 @@ _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record"
 _Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");
 _Static_assert(sizeof(struct bank_branch) == 16, "layout of a branch");
 _Static_assert(sizeof(struct bank_viscoelastic) == 16, "layout of the record before the branches");
+_Static_assert(sizeof(struct bank_sphere) == 32, "layout of a sphere");
+_Static_assert(sizeof(struct bank_shape) == 560, "layout of the record before the seeds");
 _Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");
 _Static_assert(sizeof(struct bank_tool) == 368, "layout of an instrument");
 

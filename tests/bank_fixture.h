@@ -22,6 +22,7 @@
 #include "bank_format.h"
 #include "crc.h"
 #include "effects/image.h"
+#include "shape_seeds.h"
 
 struct bank_fixture_options {
     unsigned subdivisions; /* 0..4: 12, 42, 162, 642, 2562 vertices */
@@ -36,6 +37,8 @@ struct bank_fixture_options {
     unsigned friction_sweeps;
     double grasp_slip_N;            /* 0: the bank does not name grasping */
     const struct bank_swing *swing; /* with its shapes behind it; NULL: the bank does not name it */
+    const struct bank_shape *shape; /* its spheres, openings and band; NULL: the bank does not name it */
+    double flatten;                 /* the sphere's height in radii; 0: 1 */
     unsigned branches;              /* 0: the bank does not name viscoelastic */
     struct bank_branch branch[BANK_MAX_BRANCHES];
 };
@@ -299,6 +302,25 @@ static inline struct fixture_part fixture_compliance(const struct bank_fixture_o
     return (struct fixture_part){BANK_GHLF, BANK_REQUIRED, 1, rows, (uint32_t)(blocks * 36), half};
 }
 
+static inline struct fixture_part fixture_shape(const struct bank_shape *given, const float (*x)[3], unsigned vertices,
+                                                const unsigned (*t)[3], unsigned triangles)
+{
+    struct bank_shape shape = *given;
+    struct failure why;
+    uint16_t *seed;
+    double *positions = malloc(3 * sizeof *positions * vertices);
+    for (unsigned i = 0; i < 3 * vertices; i++)
+        positions[i] = (double)x[i / 3][i % 3];
+    if (shape_seeds(vertices, positions, triangles, &t[0][0], &shape, &seed, &why))
+        abort();
+    uint32_t cells = (uint32_t)shape.cells[0] * shape.cells[1] * shape.cells[2];
+    unsigned char *bytes = malloc(sizeof shape + 4 * (size_t)cells);
+    memcpy(bytes, &shape, sizeof shape);
+    memcpy(bytes + sizeof shape, seed, 4 * (size_t)cells);
+    free(positions), free(seed);
+    return (struct fixture_part){BANK_SHAP, BANK_REQUIRED, 1, cells, (uint32_t)sizeof shape + 4 * cells, bytes};
+}
+
 /* `options` NULL: bank_fixture_default. The rows are numbered in reverse vertex order, so that row and vertex differ.
  */
 static inline unsigned char *bank_fixture(const struct bank_fixture_options *options, size_t *length)
@@ -314,6 +336,12 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         for (int k = 0; k < 3; k++) {
             x[v][k] = (float)(o->radius_m * s.x[v][k]);
             normal[v][k] = (float)s.x[v][k];
+        }
+        if (o->flatten > 0) { /* of an ellipsoid */
+            double z = s.x[v][2] / o->flatten, size = sqrt(1 - s.x[v][2] * s.x[v][2] + z * z);
+            x[v][2] *= (float)o->flatten;
+            for (int k = 0; k < 3; k++)
+                normal[v][k] = (float)((k < 2 ? s.x[v][k] : z) / size);
         }
     }
     struct bank_triangle *t = calloc(m, sizeof *t);
@@ -349,6 +377,7 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         {0}, /* effects, one after the other */
         {0},
         {0},
+        {0},
     };
     uint32_t parts = 8, effects = 0;
     struct bank_viscoelastic *visco = calloc(1, sizeof *visco + sizeof o->branch);
@@ -368,6 +397,11 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         part[parts++] = (struct fixture_part){BANK_SWNG, BANK_REQUIRED, 1, o->swing->modes, size, (void *)o->swing};
         effects |= EFFECT_SWING;
     }
+    struct fixture_part shape = {0};
+    if (o->shape) {
+        shape = part[parts++] = fixture_shape(o->shape, (const float(*)[3])x, n, (const unsigned(*)[3])s.t, m);
+        effects |= EFFECT_SHAPE;
+    }
     if (o->branches) {
         part[parts++] = (struct fixture_part){BANK_VISC, BANK_REQUIRED, 1, o->branches, 16 + 16 * o->branches, visco};
         effects |= EFFECT_VISCOELASTIC;
@@ -375,8 +409,8 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
     unsigned char *bytes = bank_fixture_join(part, parts, length);
     ((struct bank_header *)bytes)->effects = effects;
     bank_fixture_seal(bytes, *length);
-    free(part[3].data), free(half.data), free(visco), free(row_of), free(t), free(normal), free(x), free(s.x),
-        free(s.t);
+    free(part[3].data), free(half.data), free(shape.data), free(visco), free(row_of), free(t), free(normal), free(x),
+        free(s.x), free(s.t);
     return bytes;
 }
 

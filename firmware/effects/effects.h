@@ -16,6 +16,9 @@
 #if IF_GRASP(1) + 0
 #include "effects/grasp.h"
 #endif
+#if IF_SHAPE(1) + 0
+#include "effects/shape.h"
+#endif
 #if IF_SWING(1) + 0
 #include "effects/swing.h"
 #endif

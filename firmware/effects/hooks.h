@@ -5,12 +5,30 @@
 
 #include "tick.h"
 
+/* An instrument has a sample: what else than the pose an effect takes from it. */
+static inline void effects_sense(struct controller *c, uint32_t tool, const struct tick_input *in)
+{
+    (void)c, (void)tool, (void)in;
+    IF_SHAPE(shape_sense(&c->shape, tool, in->roll, in->grip);)
+}
+
 /* Before the collision: where the tool's points are as the body sees them, which may have moved itself. */
 static inline void effects_move(struct controller *c, const struct bank_view *bank, float (*points_m)[3],
                                 uint32_t count)
 {
     (void)c, (void)bank, (void)points_m, (void)count;
+    IF_SHAPE(if (bank->shape) {
+        shape_move(&c->shape, bank, 0, 0, count, &c->kinematics, points_m);
+        shape_hide(&c->shape, &c->collide);
+    })
     IF_SWING(if (bank->swing) swing_move(&c->swing, bank, points_m, count);)
+}
+
+/* After the collision of points: what touches that is more than a point. */
+static inline void effects_touch(struct controller *c, const struct bank_view *bank)
+{
+    (void)c, (void)bank;
+    IF_SHAPE(if (bank->shape) shape_touch(&c->shape, bank, &c->collide);)
 }
 
 /* After the touching points are known, before the rows of their triangles are asked for: where on the surface each contact
@@ -54,6 +72,7 @@ static inline void effects_follow(struct controller *c, const struct bank_view *
 {
     (void)c, (void)bank;
     IF_FRICTION(if (bank->friction) friction_follow(&c->friction, &c->contact);)
+    IF_SHAPE(if (bank->shape) shape_expect(&c->shape, bank, &c->rows, &c->collide);)
     IF_SWING(if (bank->swing) swing_follow(&c->swing, bank, &c->contact);)
 }
 
@@ -63,6 +82,7 @@ static inline void effects_forget(struct controller *c)
     (void)c;
     IF_FRICTION(friction_forget(&c->friction);)
     IF_GRASP(grasp_forget(&c->grasp);)
+    IF_SHAPE(shape_forget(&c->shape, 0, 0, c->collide.count);)
     IF_SWING(swing_forget(&c->swing);)
     IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic);)
 }

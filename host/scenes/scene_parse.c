@@ -150,6 +150,8 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         effects_names(alone, " and ", offered, sizeof offered);
         tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "%s do not go together yet", offered);
     }
+    tree_require(t, map, (~scene->effects.named & (EFFECT_FRICTION | EFFECT_SHAPE)) != 0,
+                 "friction and shape do not go together yet");
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)
