@@ -20,6 +20,39 @@ static bool hold(struct holding *holding, size_t node, const double direction[3]
     return true;
 }
 
+static bool let_slide(struct holding *holding, size_t node, const double direction[3])
+{
+    if (holding->slides == holding->slide_room) {
+        size_t room = 2 * holding->slide_room + 256;
+        struct slide *larger = realloc(holding->slide, room * sizeof *larger);
+        if (!larger)
+            return false;
+        holding->slide = larger;
+        holding->slide_room = room;
+    }
+    struct slide *slide = &holding->slide[holding->slides++];
+    slide->node = (uint32_t)node;
+    memcpy(slide->direction, direction, sizeof slide->direction);
+    return true;
+}
+
+/* The selected nodes, and the middles of edges between them. */
+static int fix_along(const struct space *space, const char *place, const bool *inside, const double direction[3],
+                     struct holding *holding, struct failure *why)
+{
+    bool good = true;
+    for (size_t n = 0; n < space->node_count && good; n++) {
+        uint32_t ends[2];
+        space_ends(space, n, ends);
+        if (!inside[ends[0]] || !inside[ends[1]])
+            continue;
+        good = let_slide(holding, n, direction);
+        if (good && n < space->mesh->node_count)
+            good = hold(holding, n, direction);
+    }
+    return good ? STATUS_OK : failure_set(why, STATUS_MEMORY, place, NULL, "no memory for the fixed nodes");
+}
+
 static int fix(const struct scene *scene, const struct space *space, const struct surface *surface, const char *place,
                bool *inside, struct holding *holding, struct failure *why)
 {
@@ -28,6 +61,10 @@ static int fix(const struct scene *scene, const struct space *space, const struc
         memset(inside, 0, mesh->node_count * sizeof *inside);
         size_t count;
         int status = scene_select(&scene->fixed[f].where, scene, mesh, surface, inside, &count, why);
+        if (status)
+            return status;
+        if (scene->fixed[f].slides)
+            status = fix_along(space, place, inside, scene->fixed[f].along, holding, why);
         if (status)
             return status;
         for (size_t i = 0; i < 3 * mesh->node_count; i++)
@@ -180,8 +217,37 @@ int holding_find(const struct scene *scene, const struct space *space, const str
     return status;
 }
 
+int holding_stiffen(struct holding *holding, const struct space *space, const struct materials *materials,
+                    const char *place, struct failure *why)
+{
+    if (holding->slides == 0)
+        return STATUS_OK;
+    double *stiffness_N_m = calloc(space->node_count, sizeof *stiffness_N_m);
+    if (!holding->spring)
+        holding->spring = calloc(space->node_count, sizeof *holding->spring);
+    if (!stiffness_N_m || !holding->spring) {
+        free(stiffness_N_m);
+        return failure_set(why, STATUS_MEMORY, place, NULL, "no memory for %zu nodes", space->node_count);
+    }
+    size_t per_element = element_nodes(space->order);
+    for (size_t e = 0; e < space->mesh->tetrahedron_count; e++) {
+        const struct hooke *law = &materials->hooke[materials->of[e]];
+        double shear_Pa = law->isotropic ? law->lame.mu_Pa : fmax(law->C[3][3], fmax(law->C[4][4], law->C[5][5]));
+        double size_m = cbrt(element_geometry(space->mesh->nodes, space->mesh->tetrahedra + 4 * e).volume_m3);
+        for (size_t k = 0; k < per_element; k++)
+            stiffness_N_m[space->nodes[per_element * e + k]] += shear_Pa * size_m;
+    }
+    for (size_t s = 0; s < holding->slides; s++) {
+        const struct slide *slide = &holding->slide[s];
+        add_spring(holding, slide->node, HOLDING_SLIDE_STIFFNESS * stiffness_N_m[slide->node], slide->direction);
+    }
+    free(stiffness_N_m);
+    return STATUS_OK;
+}
+
 void holding_free(struct holding *holding)
 {
+    free(holding->slide);
     free(holding->fixed);
     free(holding->spring);
     free(holding->support);

@@ -142,6 +142,8 @@ int model_create(const struct scene *scene, const struct mesh *mesh, const struc
     if (status == STATUS_OK)
         status = material_find(scene, mesh, &model->materials, why);
     if (status == STATUS_OK)
+        status = holding_stiffen(&holding, &model->space, &model->materials, model->place, why);
+    if (status == STATUS_OK)
         status = stiffness_assemble(&model->space, model->materials.hooke, model->materials.of, model->unknown,
                                     model->unknowns, (struct springs){holding.spring}, &model->common, &model->K, why);
     if (status == STATUS_OK)

@@ -69,7 +69,9 @@ struct scene_material {
 
 struct scene_fixed {
     struct selection where;
-    bool component[3]; /* which components are fixed: all three by default */
+    bool component[3]; /* which components are fixed: all three by default; none with `slides` */
+    bool slides;       /* only what moves along this direction is fixed */
+    double along[3];   /* unit vector, oblique: a direction of an axis is a component */
 };
 
 struct scene_ligament {

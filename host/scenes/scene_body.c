@@ -123,12 +123,24 @@ static void mesh(struct tree *t, tree_node map, struct scene *scene)
     scene->order = choice < 0 ? SCENE_DEFAULT_ORDER : order_of[choice];
 }
 
+/* `along`: the one component that is fixed, in any direction. */
+static void fixed_along(struct tree *t, tree_node node, struct scene_fixed *f)
+{
+    tree_direction(t, node, "along", f->along);
+    f->slides = true;
+    for (int c = 0; c < 3; c++) {
+        f->component[c] = fabs(f->along[c]) == 1;
+        f->slides = f->slides && !f->component[c];
+    }
+}
+
 static void fixed(struct tree *t, tree_node list, struct scene *scene)
 {
     size_t count = tree_list(t, list, "fixed", SCENE_MAX_FIXED);
     for (size_t i = 0; i < count; i++) {
         tree_node map = tree_item(t, list, i);
-        if (!tree_map(t, map, "fixed", KEYS("box", "sphere", "plane", "label", "patch", "axis_end", "components")))
+        if (!tree_map(t, map, "fixed",
+                      KEYS("box", "sphere", "plane", "label", "patch", "axis_end", "components", "along")))
             return;
         struct scene_fixed *f = &scene->fixed[i];
         selection(t, map, "fixed", &f->where);
@@ -144,6 +156,11 @@ static void fixed(struct tree *t, tree_node list, struct scene *scene)
             if (c >= 0)
                 f->component[c] = true;
         }
+        tree_node along = tree_find(t, map, "along");
+        if (along && components)
+            tree_fail(t, along, STATUS_SCENE_VALUE, "keep one of them", "fixed has both 'components' and 'along'");
+        else if (along)
+            fixed_along(t, along, f);
     }
     scene->fixed_count = count;
 }

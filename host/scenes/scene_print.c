@@ -143,7 +143,9 @@ static void body(FILE *out, const struct scene *scene)
         const bool *c = scene->fixed[i].component;
         fputs("    - {", out);
         selection(out, &scene->fixed[i].where);
-        if (!(c[0] && c[1] && c[2])) {
+        if (scene->fixed[i].slides) {
+            vector(out, ", along: ", scene->fixed[i].along);
+        } else if (!(c[0] && c[1] && c[2])) {
             const char *before = ", components: [";
             for (int k = 0; k < 3; k++)
                 if (c[k]) {

@@ -183,6 +183,11 @@ static void scenes_with_random_numbers_read_back(void **state)
             }
         random_direction(s.fixed[2].where.b);
         s.fixed[4].where.value = random_range(1e-6, 1);
+        s.fixed[3].slides = random_below(2);
+        memset(s.fixed[3].component, !s.fixed[3].slides, sizeof s.fixed[3].component);
+        memset(s.fixed[3].along, 0, sizeof s.fixed[3].along);
+        if (s.fixed[3].slides)
+            random_direction(s.fixed[3].along);
         random_direction(s.ligament[0].direction);
         s.ligament[0].stiffness_N_m = pow(10, random_range(-3, 6));
         struct scene_instrument *t = &s.instrument[0];
