@@ -143,6 +143,7 @@ static int check_sizes(struct bank_view *view, const struct bank_section *const 
     const struct bank_section *half = found[HALF], *factor = found[FACTOR];
     const struct bank_section *bad = NULL;
     uint64_t block_bytes = 9 * sizeof(float);
+    uint32_t tools = view->header->effects & EFFECT_SECOND ? 2 : 1;
     if (!sized(vert, 4, BANK_MAX_VERTICES, 3 * sizeof(float)))
         bad = vert;
     else if (!sized(norm, vert->count, vert->count, 3 * sizeof(float)))
@@ -159,7 +160,7 @@ static int check_sizes(struct bank_view *view, const struct bank_section *const 
         bad = factor;
     else if (!sized(cont, 1, 1, sizeof(struct bank_contact)))
         bad = cont;
-    else if (!sized(tool, 1, BANK_MAX_INSTRUMENTS, sizeof(struct bank_tool)))
+    else if (!sized(tool, tools, tools, sizeof(struct bank_tool)))
         bad = tool;
     else if (grid->length < sizeof(struct bank_grid))
         bad = grid;

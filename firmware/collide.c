@@ -351,13 +351,26 @@ static void follow(struct collide *s, const struct bank_view *bank, struct colli
     }
 }
 
-void collide_update(struct collide *s, const struct bank_view *bank, const float apex_m[3],
-                    const float (*positions_m)[3], uint32_t count)
+void collide_start(struct collide *s, const struct bank_view *bank)
 {
-    s->count = count;
-    s->turn = s->turn + 1 < count ? s->turn + 1 : 0;
-    for (uint32_t i = 0; i < count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
-        struct collide_point *p = &s->point[i];
+    *s = (struct collide){.count = 0};
+    for (uint32_t t = 0; t < COLLIDE_TOOLS && t < bank->tool_count; t++) { /* bound: COLLIDE_TOOLS */
+        s->tool[t] = (struct collide_range){.first = s->count, .count = bank->tools[t].point_count};
+        s->count += bank->tools[t].point_count;
+    }
+}
+
+void collide_begin(struct collide *s)
+{
+    s->turn = s->turn + 1 < s->count ? s->turn + 1 : 0;
+}
+
+void collide_update(struct collide *s, const struct bank_view *bank, uint32_t tool, const float apex_m[3],
+                    const float (*positions_m)[3])
+{
+    const struct collide_range *range = &s->tool[tool];
+    for (uint32_t i = 0; i < range->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
+        struct collide_point *p = &s->point[range->first + i];
         struct collide_hit hit;
         /* A point that was not known may already be in the body: then it came in along the shaft. */
         const float *from = p->known ? p->position_m : apex_m;
@@ -373,12 +386,13 @@ void collide_update(struct collide *s, const struct bank_view *bank, const float
             p->touching = look_out(bank, p, apex_m, &out) == INSIDE;
         }
         if (p->touching)
-            follow(s, bank, p, apex_m, i == s->turn);
+            follow(s, bank, p, apex_m, range->first + i == s->turn);
     }
 }
 
-void collide_forget(struct collide *s)
+void collide_forget(struct collide *s, uint32_t tool)
 {
-    for (uint32_t i = 0; i < BANK_MAX_TOOL_POINTS; i++) /* bound: BANK_MAX_TOOL_POINTS */
-        s->point[i].known = s->point[i].touching = false;
+    const struct collide_range *range = &s->tool[tool];
+    for (uint32_t i = 0; i < range->count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        s->point[range->first + i].known = s->point[range->first + i].touching = false;
 }

@@ -12,9 +12,11 @@
 #include <stdint.h>
 
 #include "bank_view.h"
+#include "effects/image.h"
 
 enum {
-    COLLIDE_MAX_WALK = 24 /* Newton steps and triangle crossings that an anchor may take in one tick */
+    COLLIDE_TOOLS = 1 IF_SECOND(+1), /* instruments that the image serves at once */
+    COLLIDE_MAX_WALK = 24            /* Newton steps and triangle crossings that an anchor may take in one tick */
 };
 
 /* "Deep" is deeper than a cell of the grid, about two edges of the mesh. Deep points need more care:
@@ -44,11 +46,23 @@ struct collide_point {
 };
 
 struct collide {
-    uint32_t count; /* points of the tool, <= BANK_MAX_TOOL_POINTS */
+    uint32_t count; /* points of all tools, <= BANK_MAX_TOOL_POINTS */
+    struct collide_range {
+        uint32_t first, count;
+    } tool[COLLIDE_TOOLS]; /* the points of each */
     struct collide_point point[BANK_MAX_TOOL_POINTS];
     uint32_t turn;      /* the point that is next asked whether it has left */
     uint32_t walks_cut; /* counter: an anchor did not settle, was raised, or was held back from turning */
 };
+
+/* Whose point it is. */
+static inline uint32_t collide_tool(const struct collide *s, uint32_t point)
+{
+    uint32_t tool = 0;
+    (void)s, (void)point;
+    IF_SECOND(tool = point >= s->tool[0].count;)
+    return tool;
+}
 
 /* First triangle that the segment from -> to enters from outside, that is against its normal: the end `from` on or above
  * the triangle's plane, `to` below it. Equal fractions: the lower triangle number. Work: at most nx + ny + nz + 1 cells,
@@ -58,9 +72,15 @@ bool collide_sweep(const struct bank_view *bank, const float from_m[3], const fl
 /* The same by looking at every triangle: for tests, and for the host to find where an axis meets the body. */
 bool collide_brute(const struct bank_view *bank, const float from_m[3], const float to_m[3], struct collide_hit *hit);
 
-/* Move every point to its new position and update its contact. `apex_m`: the trocar, from where the shaft comes. */
-void collide_update(struct collide *s, const struct bank_view *bank, const float apex_m[3],
-                    const float (*positions_m)[3], uint32_t count);
+/* The points of the bank's tools, one tool after the other; none is known yet. */
+void collide_start(struct collide *s, const struct bank_view *bank);
+
+/* Once per tick, before the tools are moved. */
+void collide_begin(struct collide *s);
+
+/* Move every point of a tool to its new position and update its contact. `apex_m`: the trocar, from where the shaft comes. */
+void collide_update(struct collide *s, const struct bank_view *bank, uint32_t tool, const float apex_m[3],
+                    const float (*positions_m)[3]);
 
 /* The anchor of a touching point (triangle, weights): anchor_m, normal and depth_m of position_m there. */
 void collide_measure(const struct bank_view *bank, struct collide_point *p);
@@ -69,7 +89,7 @@ void collide_measure(const struct bank_view *bank, struct collide_point *p);
  * normal, then measure. False when it was raised or did not come to rest. */
 bool collide_settle(const struct bank_view *bank, struct collide_point *p);
 
-/* Forget positions and contacts: after a silence the way between is not known. */
-void collide_forget(struct collide *s);
+/* Forget positions and contacts of a tool: after a silence the way between is not known. */
+void collide_forget(struct collide *s, uint32_t tool);
 
 #endif

@@ -106,58 +106,91 @@ uint32_t contact_solve(const float (*A)[CONTACT_MAX], const float *d, uint32_t m
     return factors;
 }
 
-/* out += w G n, and out += w G^t n. */
-static inline void add_rows(const float G[9], const float n[3], float w, float out[3])
-{
-    out[0] += w * real_dot(&G[0], n);
-    out[1] += w * real_dot(&G[3], n);
-    out[2] += w * real_dot(&G[6], n);
-}
+/* Nine sums that stay in registers. */
+struct block {
+    float e[9];
+};
 
-static inline void add_columns(const float G[9], const float n[3], float w, float out[3])
+static inline struct block plus(struct block s, float w, const float *G, bool turned)
 {
-    out[0] += w * (G[0] * n[0] + G[3] * n[1] + G[6] * n[2]);
-    out[1] += w * (G[1] * n[0] + G[4] * n[1] + G[7] * n[2]);
-    out[2] += w * (G[2] * n[0] + G[5] * n[1] + G[8] * n[2]);
-}
-
-/* Response of every contact to a unit normal force at every other: each block of the bank is read once and serves both
- * directions, as G_ji is the transpose of G_ij. */
-void contact_respond(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
-{
-    uint32_t m = s->count;
-    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
-        const struct contact *at = &s->contact[c];
-        float share_c[3];
-        contact_shares(bank, at, share_c);
-        for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
-            const struct contact *from = &s->contact[d];
-            float share_d[3], forth[3] = {0.0f, 0.0f, 0.0f}, back[3] = {0.0f, 0.0f, 0.0f};
-            contact_shares(bank, from, share_d);
-            for (int i = 0; i < 3; i++)       /* bound: 3 */
-                for (int j = 0; j < 3; j++) { /* bound: 3 */
-                    float w = share_c[i] * share_d[j], room[9];
-                    if (w == 0.0f)
-                        continue;
-                    bool turned;
-                    const float *G = contact_block(g, bank, at, i, from, j, room, &turned);
-                    if (turned) {
-                        add_columns(G, from->normal, w, forth);
-                        add_rows(G, at->normal, w, back);
-                    } else {
-                        add_rows(G, from->normal, w, forth);
-                        add_columns(G, at->normal, w, back);
-                    }
-                }
-            for (int a = 0; a < 3; a++) { /* bound: 3 */
-                s->response[d][c][a] = back[a];
-                s->response[c][d][a] = forth[a];
-            }
-        }
+    if (turned) {
+        s.e[0] += w * G[0], s.e[1] += w * G[3], s.e[2] += w * G[6];
+        s.e[3] += w * G[1], s.e[4] += w * G[4], s.e[5] += w * G[7];
+        s.e[6] += w * G[2], s.e[7] += w * G[5], s.e[8] += w * G[8];
+    } else {
+        s.e[0] += w * G[0], s.e[1] += w * G[1], s.e[2] += w * G[2];
+        s.e[3] += w * G[3], s.e[4] += w * G[4], s.e[5] += w * G[5];
+        s.e[6] += w * G[6], s.e[7] += w * G[7], s.e[8] += w * G[8];
     }
-    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
-        struct contact *at = &s->contact[c];
-        at->pad_m_N = contact_pad(bank, real_dot(at->normal, s->response[c][c]));
+    return s;
+}
+
+/* The vertices of the contacts, each once, and a contact's shares of them. Points of one tool lie on few triangles, so there are
+ * far fewer vertices than corners. */
+struct corners {
+    uint32_t count;
+    struct {
+        const struct contact *contact; /* one that has the vertex, and which of its corners it is */
+        int corner;
+        uint16_t vertex;
+    } at[CONTACT_CORNERS];
+    uint8_t of[CONTACT_MAX][3]; /* per contact and corner: place in `at`; where its share is 0, any */
+    float share[CONTACT_MAX][3];
+};
+
+static void add_corners(struct corners *k, const struct bank_view *bank, const struct contact *contact, uint32_t c)
+{
+    const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
+    contact_shares(bank, contact, k->share[c]);
+    for (int i = 0; i < 3; i++) { /* bound: 3 */
+        k->of[c][i] = 0;
+        if (k->share[c][i] == 0.0f)
+            continue;
+        uint32_t at = 0;
+        while (at < k->count && k->at[at].vertex != vertex[i]) /* bound: CONTACT_CORNERS */
+            at++;
+        if (at == k->count) {
+            k->at[at].contact = contact;
+            k->at[at].corner = i;
+            k->at[at].vertex = vertex[i];
+            k->count++;
+        }
+        k->of[c][i] = (uint8_t)at;
+    }
+}
+
+/* Each pair of a vertex and a contact is summed once, over the contact's corners; the vertices of contacts d .. m-1 are the first
+ * of `corners` when contact d's turn comes. */
+void contact_assemble(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank)
+{
+    struct corners k = {.count = 0};
+    struct block response[CONTACT_CORNERS];
+    for (uint32_t d = s->count; d-- > 0;) { /* bound: CONTACT_MAX */
+        struct contact *from = &s->contact[d];
+        add_corners(&k, bank, from, d);
+        for (uint32_t v = 0; v < k.count; v++) { /* bound: CONTACT_CORNERS */
+            struct block sum = {{0.0f}};
+            for (int j = 0; j < 3; j++) { /* bound: 3 */
+                float room[9];
+                bool turned;
+                if (k.share[d][j] == 0.0f)
+                    continue;
+                const float *G = contact_block(g, bank, k.at[v].contact, k.at[v].corner, from, j, room, &turned);
+                sum = plus(sum, k.share[d][j], G, turned);
+            }
+            response[v] = sum;
+        }
+        for (uint32_t c = d; c < s->count; c++) { /* bound: CONTACT_MAX */
+            struct block sum = {{0.0f}};
+            for (int i = 0; i < 3; i++) /* bound: 3 */
+                if (k.share[c][i] != 0.0f)
+                    sum = plus(sum, k.share[c][i], response[k.of[c][i]].e, false);
+            for (int e = 0; e < 9; e++) /* bound: 9 */
+                s->block[contact_pair(c, d)][e] = sum.e[e];
+        }
+        float own[3];
+        contact_multiply(s, d, d, from->normal, own);
+        from->pad_m_N = contact_pad(bank, real_dot(from->normal, own));
     }
 }
 
@@ -171,12 +204,12 @@ void contact_gather(struct contact_set *s, const struct collide *points)
             continue;
         }
         struct contact *c = &s->contact[s->count++];
-        c->point = i;
+        contact_begin(c, points, i);
         c->triangle = p->triangle;
         c->depth_m = p->depth_m;
         for (int k = 0; k < 3; k++) { /* bound: 3 */
             c->weights[k] = p->weights[k];
-            c->normal[k] = p->normal[k];
+            c->normal[k] = c->pull[contact_tool(c)][k] = p->normal[k];
         }
     }
 }
@@ -246,42 +279,78 @@ void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank
     s->count = kept;
 }
 
+/* How far the tools give way at one contact, per newton along the other. */
+static float coupled(const struct contact *c, const struct contact *d)
+{
+    float sum = 0.0f;
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+        sum += real_dot(c->pull[t], d->pull[t]);
+    return sum;
+}
+
+static void assemble_system(struct contact_set *s, float softness)
+{
+    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
+        const struct contact *from = &s->contact[d];
+        for (uint32_t c = d; c < s->count; c++) { /* bound: CONTACT_MAX */
+            float moved[3];
+            contact_multiply(s, c, d, from->normal, moved);
+            float a = real_dot(s->contact[c].normal, moved) + softness * coupled(&s->contact[c], from);
+            s->system[c][d] = s->system[d][c] = a;
+        }
+        s->system[d][d] += from->pad_m_N;
+    }
+}
+
+/* Forces on the tools, and where the tissue goes: the tool pushes it against the outward normal. */
+static void evaluate(struct contact_set *s, const struct bank_view *bank, const float *p)
+{
+    float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) { /* bound: CONTACT_TOOLS */
+        for (int a = 0; a < 3; a++) {              /* bound: 3 */
+            float sum = 0.0f;
+            for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+                sum += p[c] * s->contact[c].pull[t][a];
+            s->force_N[t][a] = sum;
+            s->proxy_offset_m[t][a] = softness * sum;
+        }
+    }
+    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+        struct contact *at = &s->contact[c];
+        at->pressure_N = p[c];
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            at->displacement_m[a] = -bank->contact->regularisation_m_N * p[c] * at->normal[a];
+    }
+    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
+        if (p[d] == 0.0f)
+            continue;
+        const float *n = s->contact[d].normal, force[3] = {p[d] * n[0], p[d] * n[1], p[d] * n[2]};
+        for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+            float moved[3];
+            contact_multiply(s, c, d, force, moved);
+            for (int a = 0; a < 3; a++) /* bound: 3 */
+                s->contact[c].displacement_m[a] -= moved[a];
+        }
+    }
+}
+
 void contact_push(struct contact_set *s, const struct bank_view *bank)
 {
     uint32_t m = s->count, guess = 0;
-    float softness = 1.0f / bank->contact->coupling_stiffness_N_m, depth[CONTACT_MAX], p[CONTACT_MAX];
+    float depth[CONTACT_MAX], p[CONTACT_MAX];
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
-        const struct contact *at = &s->contact[c];
-        depth[c] = at->depth_m;
-        guess |= (s->active >> at->point & 1u) << c;
-        for (uint32_t d = 0; d <= c; d++) { /* bound: CONTACT_MAX */
-            float a = real_dot(at->normal, s->response[c][d]) + softness * real_dot(at->normal, s->contact[d].normal);
-            s->system[c][d] = s->system[d][c] = a;
-        }
-        s->system[c][c] += at->pad_m_N;
+        depth[c] = s->contact[c].depth_m;
+        guess |= (s->active >> s->contact[c].point & 1u) << c;
     }
+    assemble_system(s, 1.0f / bank->contact->coupling_stiffness_N_m);
     bool cut = false;
     uint32_t steps = bank->contact->solver_steps ? bank->contact->solver_steps : CONTACT_MAX_FACTORS;
     s->factors = m ? contact_solve((const float(*)[CONTACT_MAX])s->system, depth, m, steps, &guess, p, &cut) : 0;
     s->cut += cut;
-
     s->active = 0;
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        s->force_N[a] = 0.0f;
-    for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
-        struct contact *at = &s->contact[c];
-        at->pressure_N = p[c];
-        s->active |= (guess >> c & 1u) << at->point;
-        for (int a = 0; a < 3; a++) { /* bound: 3 */
-            s->force_N[a] += p[c] * at->normal[a];
-            float u = bank->contact->regularisation_m_N * p[c] * at->normal[a];
-            for (uint32_t d = 0; d < m; d++) /* bound: CONTACT_MAX */
-                u += s->response[c][d][a] * p[d];
-            at->displacement_m[a] = -u; /* the tool pushes the tissue against the outward normal */
-        }
-    }
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        s->proxy_offset_m[a] = softness * s->force_N[a];
+    for (uint32_t c = 0; c < m; c++) /* bound: CONTACT_MAX */
+        s->active |= (guess >> c & 1u) << s->contact[c].point;
+    evaluate(s, bank, p);
 }
 
 /* The three corners of a triangle that is not in use yet. */
@@ -292,7 +361,7 @@ static void expect_triangle(struct row_cache *g, const struct bank_view *bank, u
 }
 
 void contact_expect(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
-                    const struct collide *points, const float velocity_m_s[3])
+                    const struct collide *points, const float (*velocity_m_s)[3])
 {
     if (g->stride == 0 || points->count == 0)
         return;
@@ -300,21 +369,29 @@ void contact_expect(const struct contact_set *s, struct row_cache *g, const stru
         for (int k = 0; k < 3; k++)         /* bound: 3 */
             expect_triangle(g, bank, bank->triangles[s->contact[c].triangle].neighbour[k]);
 
-    const struct collide_point *p = &points->point[g->tick % points->count];
+    uint32_t i = g->tick % points->count;
+    const struct collide_point *p = &points->point[i];
+    const float *velocity = velocity_m_s[collide_tool(points, i)];
     float ahead[3];
     struct collide_hit hit;
     for (int k = 0; k < 3; k++) /* bound: 3 */
-        ahead[k] = p->position_m[k] + CONTACT_FORESIGHT_S * velocity_m_s[k];
+        ahead[k] = p->position_m[k] + CONTACT_FORESIGHT_S * velocity[k];
     if (!p->touching && p->known && collide_sweep(bank, p->position_m, ahead, &hit))
         expect_triangle(g, bank, hit.triangle);
 }
 
-void contact_clear(struct contact_set *s)
+void contact_forget(struct contact_set *s, const struct collide *points, uint32_t tool)
 {
-    s->count = 0;
-    s->active = 0;
-    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
+    const struct collide_range *range = &points->tool[tool];
+    uint32_t kept = 0;
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        if (contact_tool(&s->contact[c]) != tool)
+            s->contact[kept++] = s->contact[c];
+    s->count = kept;
+    for (uint32_t i = range->first; i < range->first + range->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
         s->hold[i].valid = false;
+        s->active &= ~(1u << i);
+    }
     for (int a = 0; a < 3; a++) /* bound: 3 */
-        s->force_N[a] = s->proxy_offset_m[a] = 0.0f;
+        s->force_N[tool][a] = s->proxy_offset_m[tool][a] = 0.0f;
 }

@@ -2,11 +2,11 @@
  *
  * m contacts with outward normals n_c, anchors with weights w_ci over three vertices, depths d_c of the device's points:
  *
- *   g_cd = sum_ij w_ci w_dj G_ij n_d                  displacement of anchor c under a unit force along n_d at anchor d
- *   A_cd = n_c . g_cd + (n_c . n_d) / k + epsilon_c [c = d]
+ *   B_cd = sum_ij w_ci w_dj G_ij                      displacement of anchor c under a unit force at anchor d
+ *   A_cd = n_c . B_cd n_d + (n_c . n_d) / k + epsilon_c [c = d]
  *   A p - d >= 0,  p >= 0,  p . (A p - d) = 0         p_c: normal force, N; a tool pushes, it does not pull
  *
- * epsilon_c = epsilon max(1, n_c . g_cc / G), with the bank's epsilon and its typical compliance G: far from where a body is held a
+ * epsilon_c = epsilon max(1, n_c . B_cc n_c / G), with the bank's epsilon and its typical compliance G: far from where a body is held a
  * point gives way up to a hundred times as much as the typical one, and single precision tells its neighbours apart only by as
  * much more.
  *
@@ -15,8 +15,15 @@
  * A is the sum of three Gram matrices, hence positive definite for every set of contacts, coincident ones included, with
  * smallest eigenvalue >= epsilon: |p| <= |d| / epsilon.
  *
- * Sizes: m <= CONTACT_MAX. Work: 9 m (m+1)/2 blocks of the bank, then at most the bank's solver_steps factorisations of
- * m^3/6 products, stopping early with a feasible p. */
+ * Two instruments in one body (effects/second.h) are one system: their contacts meet in the tissue's compliance, and each hangs
+ * on its own device. `pull` says how: the force at the tip of an instrument that is equal in virtual work to a unit push
+ * along a contact's normal; the normal itself, and nothing of the other instrument, unless an effect says otherwise. Then
+ *
+ *   A_cd = n_c . B_cd n_d + sum_t pull_ct . pull_dt / k + epsilon_c [c = d],    force on instrument t: sum_c p_c pull_ct
+ *
+ * Sizes: m <= CONTACT_MAX. Work: a block of the bank for each vertex of one contact and each corner of another, each pair once,
+ * as B_dc is the transpose of B_cd; then at most the bank's solver_steps factorisations of m^3/6 products, stopping early with
+ * a feasible p. */
 #ifndef TROCAR_CONTACT_H
 #define TROCAR_CONTACT_H
 
@@ -25,17 +32,23 @@
 
 #include "bank_view.h"
 #include "collide.h"
+#include "effects/image.h"
 #include "row_cache.h"
 
 #define CONTACT_FORESIGHT_S 0.05f
 
 enum {
     CONTACT_MAX = BANK_MAX_TOOL_POINTS,
-    CONTACT_MAX_FACTORS = BANK_MAX_SOLVER_STEPS /* 3 CONTACT_MAX: steps that the active-set method may take in a tick */
+    CONTACT_MAX_FACTORS =
+        BANK_MAX_SOLVER_STEPS, /* 3 CONTACT_MAX: steps that the active-set method may take in a tick */
+    CONTACT_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,
+    CONTACT_CORNERS = 3 * CONTACT_MAX,
+    CONTACT_TOOLS = COLLIDE_TOOLS /* instruments that the image serves at once */
 };
 
 struct contact {
-    uint32_t point; /* of the tool */
+    uint32_t point;           /* of all tools (collide.h) */
+    IF_SECOND(uint32_t tool;) /* whose it is */
     uint32_t triangle;
     float weights[3];
     uint8_t slot[3];  /* of the rows of its vertices; of no use with a plain bank */
@@ -43,6 +56,7 @@ struct contact {
     float depth_m;    /* of the device's point below the anchor */
     float pad_m_N;    /* epsilon_c */
     float pressure_N; /* p_c >= 0 */
+    float pull[CONTACT_TOOLS][3];
     /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
     float displacement_m[3];
 };
@@ -60,15 +74,28 @@ struct contact_set {
     struct contact_hold hold[CONTACT_MAX]; /* per tool point */
     uint8_t in_use[ROW_CACHE_SLOTS];       /* slots of the rows in the system */
     uint32_t in_use_count;
-    float response[CONTACT_MAX][CONTACT_MAX][3]; /* g_cd */
-    float system[CONTACT_MAX][CONTACT_MAX];      /* A */
-    uint32_t active;                             /* bit per tool point: the next tick starts from this tick's answer */
-    uint32_t factors;                            /* factorisations of this tick */
-    uint32_t cut;            /* counter: ticks in which the method stopped at its bound, with a feasible force */
-    uint32_t held, waiting;  /* counters: contacts on their last anchor, and contacts left out, for lack of rows */
-    float force_N[3];        /* of the tissue on the tool: sum p_c n_c */
-    float proxy_offset_m[3]; /* proxy's tip minus device's tip: force / k */
+    float block[CONTACT_PAIRS][9]; /* B_cd, c >= d, at contact_pair(c, d): W_c^t G W_d, row-major, world, m/N */
+    float system[CONTACT_MAX][CONTACT_MAX]; /* A */
+    uint32_t active;                        /* bit per tool point: the next tick starts from this tick's answer */
+    uint32_t factors;                       /* factorisations of this tick */
+    uint32_t cut;           /* counter: ticks in which the method stopped at its bound, with a feasible force */
+    uint32_t held, waiting; /* counters: contacts on their last anchor, and contacts left out, for lack of rows */
+    float force_N[CONTACT_TOOLS][3];        /* on each tool: sum p_c pull_c */
+    float proxy_offset_m[CONTACT_TOOLS][3]; /* proxy's tip minus device's tip: force / k */
 };
+
+static inline uint32_t contact_pair(uint32_t high, uint32_t low)
+{
+    return high * (high + 1) / 2 + low;
+}
+
+static inline uint32_t contact_tool(const struct contact *c)
+{
+    uint32_t tool = 0;
+    (void)c;
+    IF_SECOND(tool = c->tool;)
+    return tool;
+}
 
 /* One tick, in four steps between which an effect may do its part: the touching points as contacts; */
 void contact_gather(struct contact_set *s, const struct collide *points);
@@ -79,10 +106,31 @@ void contact_gather(struct contact_set *s, const struct collide *points);
 void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank_view *bank);
 
 /* their response to each other; */
-void contact_respond(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
+void contact_assemble(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
 
 /* and their forces: solve, evaluate. */
 void contact_push(struct contact_set *s, const struct bank_view *bank);
+
+/* A new contact of this point: nothing but whose it is. */
+static inline void contact_begin(struct contact *c, const struct collide *points, uint32_t point)
+{
+    *c = (struct contact){.point = point};
+    (void)points;
+    IF_SECOND(c->tool = collide_tool(points, point);)
+}
+
+/* Where it acts, for an effect that says so: place on the surface, normal, and the way from the tool's point to where it asks
+ * nothing of the tissue. */
+static inline void contact_put(struct contact *c, uint32_t triangle, const float weights[3], const float normal[3],
+                               const float away_m[3])
+{
+    c->triangle = triangle;
+    c->depth_m = normal[0] * away_m[0] + normal[1] * away_m[1] + normal[2] * away_m[2];
+    for (int k = 0; k < 3; k++) { /* bound: 3 */
+        c->weights[k] = weights[k];
+        c->normal[k] = c->pull[contact_tool(c)][k] = normal[k];
+    }
+}
 
 /* The four without any effect. */
 static inline void contact_update(struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
@@ -90,7 +138,7 @@ static inline void contact_update(struct contact_set *s, struct row_cache *g, co
 {
     contact_gather(s, points);
     contact_admit(s, g, bank);
-    contact_respond(s, g, bank);
+    contact_assemble(s, g, bank);
     contact_push(s, bank);
 }
 
@@ -126,10 +174,35 @@ static inline void contact_shares(const struct bank_view *bank, const struct con
 /* Prepare rows that the tool may meet next, with the work that is left: the far corners of the triangles around each
  * contact, and for one free point a tick the triangle that it would hit within CONTACT_FORESIGHT_S. */
 void contact_expect(const struct contact_set *s, struct row_cache *g, const struct bank_view *bank,
-                    const struct collide *points, const float velocity_m_s[3]);
+                    const struct collide *points, const float (*velocity_m_s)[3]);
 
-/* No contact, no force. */
-void contact_clear(struct contact_set *s);
+/* out = B_cd v, whichever of the two is the later contact. */
+static inline void contact_multiply(const struct contact_set *s, uint32_t c, uint32_t d, const float v[3], float out[3])
+{
+    const float *B = c >= d ? s->block[contact_pair(c, d)] : s->block[contact_pair(d, c)];
+    if (c >= d) {
+        out[0] = B[0] * v[0] + B[1] * v[1] + B[2] * v[2];
+        out[1] = B[3] * v[0] + B[4] * v[1] + B[5] * v[2];
+        out[2] = B[6] * v[0] + B[7] * v[1] + B[8] * v[2];
+    } else {
+        out[0] = B[0] * v[0] + B[3] * v[1] + B[6] * v[2];
+        out[1] = B[1] * v[0] + B[4] * v[1] + B[7] * v[2];
+        out[2] = B[2] * v[0] + B[5] * v[1] + B[8] * v[2];
+    }
+}
+
+/* No contact of this tool, no force on it. */
+void contact_forget(struct contact_set *s, const struct collide *points, uint32_t tool);
+
+/* Whether any point of this tool touches. */
+static inline bool contact_touches(const struct contact_set *s, uint32_t tool)
+{
+    bool touches = s->count > 0;
+    (void)tool;
+    IF_SECOND(touches = false; for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+                               touches = touches || s->contact[c].tool == tool;)
+    return touches;
+}
 
 /* The solver alone: minimise 1/2 p.A p - d.p over p >= 0 for a positive definite m x m A, m <= CONTACT_MAX, by an
  * active-set method (Lawson and Hanson 1974, ch. 23, in Gram form) that keeps p feasible at every step, so it may stop at

@@ -12,13 +12,13 @@ static void transmit_queue(struct node *n)
             n->queue_overflows++;
 }
 
-/* Take what has arrived; true once the device has answered this tick's SYNC. */
+/* Take what has arrived; true once every device has answered this tick's SYNC. */
 static bool receive_all(struct node *n)
 {
     struct can_frame_t frame;
     for (uint32_t i = 0; i < LOOP_FRAMES_PER_TICK && hal_can_receive(&frame); i++) /* bound: LOOP_FRAMES_PER_TICK */
         node_receive(n, &frame);
-    return n->answered;
+    return node_answered(n);
 }
 
 /* `lacking`: bits of the effects that the bank names and this image has not; goes where other emergencies have the tick. */
@@ -43,8 +43,10 @@ int loop_run(uint8_t node_id)
     if (node_id < 1 || node_id > LOOP_MAX_NODE)
         return STATUS_USAGE;
     int status = bytes ? bank_view_open(&bank, bytes, length) : STATUS_BANK_MAGIC;
+    if (status == STATUS_OK && node_id + bank.tool_count - 1u > LOOP_MAX_NODE)
+        return STATUS_USAGE;
     if (status == STATUS_OK)
-        status = node_start(&node, &bank, 0, node_id, memory, room);
+        status = node_start(&node, &bank, node_id, memory, room);
     if (status != STATUS_OK)
         return refuse(status, status == STATUS_BANK_EFFECT ? bank.fault_record : 0, node_id);
     transmit_queue(&node);
@@ -66,7 +68,7 @@ int loop_run(uint8_t node_id)
         start_us += LOOP_TICK_US;
         now_us = hal_time_us();
         if (now_us > start_us) { /* late: say so, and do not try to catch up */
-            node.input.overrun = true;
+            node_overrun(&node);
             start_us = now_us;
         }
         while (now_us < start_us) { /* bound: LOOP_TICK_US of time */

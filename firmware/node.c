@@ -26,13 +26,14 @@ bool node_transmit(struct node *n, struct can_frame_t *frame)
     return true;
 }
 
-int node_start(struct node *n, const struct bank_view *bank, uint32_t instrument, uint8_t node_id, void *memory,
-               size_t bytes)
+int node_start(struct node *n, const struct bank_view *bank, uint8_t node_id, void *memory, size_t bytes)
 {
     *n = (struct node){.bank = bank, .node_id = node_id};
-    int status = controller_start(&n->controller, bank, instrument, memory, bytes);
-    struct can_frame_t boot = telemetry_heartbeat(node_id, 0);
-    *enqueue(n, boot.id, boot.length) = boot;
+    int status = controller_start(&n->controller, bank, memory, bytes);
+    for (uint32_t t = 0; t < tick_instruments(&n->controller); t++) { /* bound: TICK_INSTRUMENTS */
+        struct can_frame_t boot = telemetry_heartbeat((uint8_t)(node_id + t), 0);
+        *enqueue(n, boot.id, boot.length) = boot;
+    }
     return status;
 }
 
@@ -40,37 +41,38 @@ void node_begin_tick(struct node *n)
 {
     n->queue_overflows += n->queue_count - n->queue_taken;
     n->queue_count = n->queue_taken = 0;
-    n->answered = false;
-    if (n->controller.instrument > 0) /* it follows the SYNC of instrument 0: an identifier has one sender */
-        return;
+    for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) /* bound: TICK_INSTRUMENTS */
+        n->instrument[t].answered = false;
     struct wire_sync m = {.counter = (uint8_t)(n->controller.tick_count + 1u)};
     wire_sync_pack(enqueue(n, WIRE_SYNC_ID, WIRE_SYNC_LENGTH)->data, &m);
 }
 
-static void receive_encoders(struct node *n, const struct can_frame_t *frame)
+static void receive_encoders(struct node *n, uint32_t t, const struct can_frame_t *frame)
 {
+    struct node_instrument *own = &n->instrument[t];
+    struct safety *safety = &n->controller.instrument[t].safety;
     struct wire_encoders m;
     if (!wire_encoders_unpack(&m, frame->data, frame->length)) {
         n->frames_malformed++;
         return;
     }
-    if (n->input.fresh) { /* several samples in one tick: the newest counts */
-        uint32_t ahead = (uint32_t)(m.sequence - n->input.sequence) & 15u;
+    if (own->input.fresh) { /* several samples in one tick: the newest counts */
+        uint32_t ahead = (uint32_t)(m.sequence - own->input.sequence) & 15u;
         if (ahead == 0)
-            n->controller.safety.duplicates++;
+            safety->duplicates++;
         else
-            n->controller.safety.out_of_sequence++;
+            safety->out_of_sequence++;
         if (ahead == 0 || ahead > 8) /* as safety_sequence has it */
             return;
     }
-    n->answered = true;
-    n->input.fresh = true;
-    n->input.sequence = m.sequence;
-    n->input.counts[0] = m.alpha;
-    n->input.counts[1] = m.beta;
-    n->input.counts[2] = m.insertion;
-    n->input.roll = m.roll;
-    n->input.grip = m.grip;
+    own->answered = true;
+    own->input.fresh = true;
+    own->input.sequence = m.sequence;
+    own->input.counts[0] = m.alpha;
+    own->input.counts[1] = m.beta;
+    own->input.counts[2] = m.insertion;
+    own->input.roll = m.roll;
+    own->input.grip = m.grip;
 }
 
 static void receive_nmt(struct node *n, const struct can_frame_t *frame)
@@ -80,72 +82,101 @@ static void receive_nmt(struct node *n, const struct can_frame_t *frame)
         n->frames_malformed++;
         return;
     }
-    if (m.node != 0 && m.node != n->node_id)
-        return;
-    n->input.acknowledge |= m.command == NMT_START;
-    n->input.stop |= m.command == NMT_STOP;
+    for (uint32_t t = 0; t < tick_instruments(&n->controller); t++) { /* bound: TICK_INSTRUMENTS */
+        if (m.node != 0 && m.node != n->node_id + t)
+            continue;
+        n->instrument[t].input.acknowledge |= m.command == NMT_START;
+        n->instrument[t].input.stop |= m.command == NMT_STOP;
+    }
 }
 
 void node_receive(struct node *n, const struct can_frame_t *frame)
 {
+    uint32_t t = frame->id - WIRE_ENCODERS_ID - n->node_id;
     n->frames_received++;
     if (frame->flags & (CAN_FLAG_EXTENDED | CAN_FLAG_RTR | CAN_FLAG_ERROR))
         n->frames_ignored++;
-    else if (frame->id == WIRE_ENCODERS_ID + (uint32_t)n->node_id)
-        receive_encoders(n, frame);
+    else if (t < tick_instruments(&n->controller))
+        receive_encoders(n, t, frame);
     else if (frame->id == WIRE_NMT_ID)
         receive_nmt(n, frame);
     else
         n->frames_ignored++;
 }
 
-static void send_torques(struct node *n)
+bool node_answered(const struct node *n)
 {
-    const struct tick_output *out = &n->output;
+    bool all = true;
+    for (uint32_t t = 0; t < tick_instruments(&n->controller); t++) /* bound: TICK_INSTRUMENTS */
+        all = all && n->instrument[t].answered;
+    return all;
+}
+
+void node_overrun(struct node *n)
+{
+    for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) /* bound: TICK_INSTRUMENTS */
+        n->instrument[t].input.overrun = true;
+}
+
+static void send_torques(struct node *n, uint32_t t)
+{
+    const struct tick_output *out = &n->instrument[t].output;
     struct wire_torques m = {.enable = out->enable, .sequence = out->sequence};
     m.alpha = (int16_t)wire_quantise(out->torque[0], WIRE_TORQUES_ALPHA_SCALE, WIRE_TORQUES_ALPHA_BITS, true);
     m.beta = (int16_t)wire_quantise(out->torque[1], WIRE_TORQUES_BETA_SCALE, WIRE_TORQUES_BETA_BITS, true);
     m.insertion =
         (int16_t)wire_quantise(out->torque[2], WIRE_TORQUES_INSERTION_SCALE, WIRE_TORQUES_INSERTION_BITS, true);
-    struct can_frame_t *frame = enqueue(n, WIRE_TORQUES_ID + n->node_id, WIRE_TORQUES_LENGTH);
+    struct can_frame_t *frame = enqueue(n, WIRE_TORQUES_ID + n->node_id + t, WIRE_TORQUES_LENGTH);
     wire_torques_pack(frame->data, &m);
     m.crc = crc8_frame(frame->id, frame->data, 7);
     wire_torques_pack(frame->data, &m);
 }
 
 /* CANopen EMCY once on entering SAFE and once on leaving it. 0x1000 is the standard's generic error. */
-static void send_emergency(struct node *n)
+static void send_emergency(struct node *n, uint32_t t)
 {
-    const struct safety *s = &n->controller.safety;
+    const struct safety *s = &n->controller.instrument[t].safety;
     bool safe = s->state == SAFETY_SAFE;
-    if (safe == n->was_safe)
+    if (safe == n->instrument[t].was_safe)
         return;
-    n->was_safe = safe;
+    n->instrument[t].was_safe = safe;
     struct wire_emergency m = {.error_code = safe ? 0x1000 : 0,
                                .error_register = safe ? 1 : 0,
                                .state = (uint8_t)s->state,
                                .reason = (int16_t)s->reason,
                                .tick = (uint16_t)n->controller.tick_count};
-    wire_emergency_pack(enqueue(n, WIRE_EMERGENCY_ID + n->node_id, WIRE_EMERGENCY_LENGTH)->data, &m);
+    wire_emergency_pack(enqueue(n, WIRE_EMERGENCY_ID + n->node_id + t, WIRE_EMERGENCY_LENGTH)->data, &m);
 }
 
-static void send_telemetry(struct node *n)
+static void send_telemetry(struct node *n, uint32_t t)
 {
     const struct telemetry_counters counters = {.malformed = n->frames_malformed,
                                                 .queue_overflows = n->queue_overflows + n->bus.aborted,
                                                 .worst_tick_us = n->worst_tick_us,
                                                 .bus = n->bus};
     struct can_frame_t frame[TELEMETRY_FRAMES];
-    uint32_t count = telemetry_tick(&n->telemetry, &n->controller, n->bank, &counters, n->node_id, frame);
+    uint32_t count = telemetry_tick(&n->instrument[t].telemetry, &n->controller, t, n->bank, &counters,
+                                    (uint8_t)(n->node_id + t), frame);
     for (uint32_t i = 0; i < count; i++) /* bound: TELEMETRY_FRAMES */
         *enqueue(n, frame[i].id, frame[i].length) = frame[i];
 }
 
 void node_finish_tick(struct node *n)
 {
-    tick(&n->controller, n->bank, &n->input, &n->output);
-    n->input = (struct tick_input){.fresh = false};
-    send_torques(n);
-    send_emergency(n);
-    send_telemetry(n);
+    struct tick_input in[TICK_INSTRUMENTS];
+    struct tick_output out[TICK_INSTRUMENTS];
+    uint32_t count = tick_instruments(&n->controller);
+    for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) { /* bound: TICK_INSTRUMENTS */
+        in[t] = n->instrument[t].input;
+        n->instrument[t].input = (struct tick_input){.fresh = false};
+    }
+    tick(&n->controller, n->bank, in, out);
+    for (uint32_t t = 0; t < count; t++) { /* bound: TICK_INSTRUMENTS */
+        n->instrument[t].output = out[t];
+        send_torques(n, t);
+    }
+    for (uint32_t t = 0; t < count; t++) /* bound: TICK_INSTRUMENTS */
+        send_emergency(n, t);
+    for (uint32_t t = 0; t < count; t++) /* bound: TICK_INSTRUMENTS */
+        send_telemetry(n, t);
 }

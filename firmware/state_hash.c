@@ -21,18 +21,24 @@ static uint32_t mix_vector(uint32_t hash, const float v[3])
     return hash;
 }
 
+static uint32_t mix_instrument(uint32_t hash, const struct instrument *i)
+{
+    hash = mix(hash, (uint32_t)i->safety.state);
+    hash = mix(hash, i->safety.sequence);
+    hash = mix(hash, i->safety.loss);
+    hash = mix_vector(hash, i->kinematics.joint);
+    hash = mix_vector(hash, i->kinematics.joint_speed);
+    hash = mix_vector(hash, i->coupling.force_N);
+    hash = mix_real(hash, i->coupling.gravity_share);
+    hash = mix_real(hash, i->coupling.contact_share);
+    return mix_real(hash, i->coupling.energy_J);
+}
+
 uint32_t state_hash(const struct controller *c)
 {
     uint32_t hash = mix(2166136261u, c->tick_count);
-    hash = mix(hash, (uint32_t)c->safety.state);
-    hash = mix(hash, c->safety.sequence);
-    hash = mix(hash, c->safety.loss);
-    hash = mix_vector(hash, c->kinematics.joint);
-    hash = mix_vector(hash, c->kinematics.joint_speed);
-    hash = mix_vector(hash, c->coupling.force_N);
-    hash = mix_real(hash, c->coupling.gravity_share);
-    hash = mix_real(hash, c->coupling.contact_share);
-    hash = mix_real(hash, c->coupling.energy_J);
+    for (uint32_t t = 0; t < tick_instruments(c); t++) /* bound: TICK_INSTRUMENTS */
+        hash = mix_instrument(hash, &c->instrument[t]);
     for (uint32_t i = 0; i < c->collide.count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
         const struct collide_point *p = &c->collide.point[i];
         if (!p->touching)

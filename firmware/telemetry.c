@@ -40,10 +40,11 @@ static uint16_t saturate(uint32_t counter)
     return counter > 0xFFFFu ? 0xFFFFu : (uint16_t)counter;
 }
 
-static struct can_frame_t health(struct telemetry *t, const struct controller *c, const struct telemetry_counters *node,
-                                 uint8_t node_id)
+static struct can_frame_t health(struct telemetry *t, const struct controller *c, uint32_t tool,
+                                 const struct telemetry_counters *node, uint8_t node_id)
 {
-    const struct safety *s = &c->safety;
+    const struct safety *s = &c->instrument[tool].safety;
+    const struct coupling *coupling = &c->instrument[tool].coupling;
     struct wire_health m = {
         .page = (uint8_t)t->health_page,
         .state = (uint8_t)s->state,
@@ -53,15 +54,14 @@ static struct can_frame_t health(struct telemetry *t, const struct controller *c
         .duplicates = saturate(s->duplicates),
         .overruns = saturate(s->overruns),
         .safe_entries = saturate(s->safe_entries),
-        .clamps = saturate(c->coupling.clamps),
-        .rate_limits = saturate(c->coupling.rate_limits),
-        .passivity_interventions = saturate(c->coupling.passivity_interventions),
+        .clamps = saturate(coupling->clamps),
+        .rate_limits = saturate(coupling->rate_limits),
+        .passivity_interventions = saturate(coupling->passivity_interventions),
         .malformed = saturate(node->malformed),
         .queue_overflows = saturate(node->queue_overflows),
         .reason = (int16_t)s->reason,
         .tick = c->tick_count,
-        .energy =
-            (uint16_t)wire_quantise(c->coupling.energy_J, WIRE_HEALTH_ENERGY_SCALE, WIRE_HEALTH_ENERGY_BITS, false),
+        .energy = (uint16_t)wire_quantise(coupling->energy_J, WIRE_HEALTH_ENERGY_SCALE, WIRE_HEALTH_ENERGY_BITS, false),
         .walks_cut = saturate(c->collide.walks_cut),
         .solver_cuts = saturate(c->contact.cut),
         .nonfinite = saturate(s->nonfinite),
@@ -83,9 +83,14 @@ static struct can_frame_t health(struct telemetry *t, const struct controller *c
     return frame;
 }
 
-static uint32_t force_pose(struct telemetry *t, const struct controller *c, uint8_t node_id, struct can_frame_t *frame)
+static uint32_t force_pose(struct telemetry *t, const struct controller *c, uint32_t tool, uint8_t node_id,
+                           struct can_frame_t *frame)
 {
-    const float *tip = c->kinematics.tip_m, *force = c->coupling.force_N;
+    const struct instrument *own = &c->instrument[tool];
+    const float *tip = own->kinematics.tip_m, *force = own->coupling.force_N;
+    uint32_t contacts = 0;
+    for (uint32_t i = 0; i < c->contact.count; i++) /* bound: CONTACT_MAX */
+        contacts += contact_tool(&c->contact.contact[i]) == tool;
     t->pose_set = (t->pose_set + 1u) & 7u;
     for (uint8_t part = 0; part < 2; part++) { /* bound: 2 */
         struct wire_force_pose m = {
@@ -100,8 +105,8 @@ static uint32_t force_pose(struct telemetry *t, const struct controller *c, uint
                 (int16_t)wire_quantise(force[1], WIRE_FORCE_POSE_FORCE_Y_SCALE, WIRE_FORCE_POSE_FORCE_Y_BITS, true),
             .force_z =
                 (int16_t)wire_quantise(force[2], WIRE_FORCE_POSE_FORCE_Z_SCALE, WIRE_FORCE_POSE_FORCE_Z_BITS, true),
-            .contacts = (uint8_t)c->contact.count,
-            .state = (uint8_t)c->safety.state,
+            .contacts = (uint8_t)contacts,
+            .state = (uint8_t)own->safety.state,
         };
         frame[part] = frame_of(WIRE_FORCE_POSE_ID, node_id, WIRE_FORCE_POSE_LENGTH);
         wire_force_pose_pack(frame[part].data, &m);
@@ -110,7 +115,7 @@ static uint32_t force_pose(struct telemetry *t, const struct controller *c, uint
 }
 
 /* Copy the contacts that push, as wire integers; those that only touch displace nothing. */
-static void take_contacts(struct telemetry *t, const struct controller *c)
+static void take_contacts(struct telemetry *t, const struct controller *c, uint32_t tool)
 {
     const struct contact_set *s = &c->contact;
     t->count = t->sent = 0;
@@ -118,7 +123,7 @@ static void take_contacts(struct telemetry *t, const struct controller *c)
     t->set_tick = c->tick_count;
     for (uint32_t i = 0; i < s->count; i++) { /* bound: CONTACT_MAX */
         const struct contact *from = &s->contact[i];
-        if (!(from->pressure_N > 0.0f))
+        if (contact_tool(from) != tool || !(from->pressure_N > 0.0f))
             continue;
         struct telemetry_contact *to = &t->contact[t->count++];
         to->triangle = from->triangle;
@@ -134,13 +139,13 @@ static void take_contacts(struct telemetry *t, const struct controller *c)
 
 /* The next frame of the set being sent: of each contact where it is, then how far it is displaced. Without contact, one
  * frame that says so. False while the next set is not due. */
-static bool contact(struct telemetry *t, const struct controller *c, const struct telemetry_pace *pace, uint8_t node_id,
-                    struct can_frame_t *frame)
+static bool contact(struct telemetry *t, const struct controller *c, uint32_t tool, const struct telemetry_pace *pace,
+                    uint8_t node_id, struct can_frame_t *frame)
 {
     if (t->sent >= 2u * t->count) {
         if (t->sent > 0 && c->tick_count - t->set_tick < pace->set)
             return false;
-        take_contacts(t, c);
+        take_contacts(t, c, tool);
     }
     uint32_t slot = t->sent / 2u;
     const struct telemetry_contact *r = &t->contact[slot];
@@ -161,26 +166,26 @@ static bool contact(struct telemetry *t, const struct controller *c, const struc
     return true;
 }
 
-uint32_t telemetry_tick(struct telemetry *t, const struct controller *c, const struct bank_view *bank,
+uint32_t telemetry_tick(struct telemetry *t, const struct controller *c, uint32_t tool, const struct bank_view *bank,
                         const struct telemetry_counters *counters, uint8_t node_id,
                         struct can_frame_t frame[TELEMETRY_FRAMES])
 {
     static const uint8_t nmt_state[4] = {
         [SAFETY_INIT] = 127, [SAFETY_READY] = 127, [SAFETY_RUN] = 5, [SAFETY_SAFE] = 4};
     const struct telemetry_pace *pace = telemetry_pace(bank);
-    const struct phase *phase = &phases[pace - telemetry_paces][c->instrument & 1u];
+    const struct phase *phase = &phases[pace - telemetry_paces][tool & 1u];
     uint32_t now = c->tick_count;
     if (now % pace->pose == phase->pose)
-        return force_pose(t, c, node_id, frame);
+        return force_pose(t, c, tool, node_id, frame);
     if (now % pace->health == phase->health) {
-        frame[0] = health(t, c, counters, node_id);
+        frame[0] = health(t, c, tool, counters, node_id);
         return 1;
     }
     if (now % pace->heartbeat == phase->heartbeat) {
-        frame[0] = telemetry_heartbeat(node_id, nmt_state[c->safety.state]);
+        frame[0] = telemetry_heartbeat(node_id, nmt_state[c->instrument[tool].safety.state]);
         return 1;
     }
     if (now % pace->contact == phase->contact)
-        return contact(t, c, pace, node_id, &frame[0]) ? 1 : 0;
+        return contact(t, c, tool, pace, node_id, &frame[0]) ? 1 : 0;
     return 0;
 }

@@ -56,8 +56,8 @@ struct telemetry_counters {
 /* The pace of a controller on its bus: shared when the bank has two instruments. */
 const struct telemetry_pace *telemetry_pace(const struct bank_view *bank);
 
-/* The frames of this tick, after tick(); returns how many. */
-uint32_t telemetry_tick(struct telemetry *t, const struct controller *c, const struct bank_view *bank,
+/* The frames of an instrument in this tick, after tick(); returns how many. `t`, `node_id`: the instrument's. */
+uint32_t telemetry_tick(struct telemetry *t, const struct controller *c, uint32_t tool, const struct bank_view *bank,
                         const struct telemetry_counters *counters, uint8_t node_id,
                         struct can_frame_t frame[TELEMETRY_FRAMES]);
 

@@ -3,102 +3,135 @@
 #include "effects/hooks.h"
 #include "real.h"
 
-int controller_start(struct controller *c, const struct bank_view *bank, uint32_t instrument, void *memory,
-                     size_t bytes)
+int controller_start(struct controller *c, const struct bank_view *bank, void *memory, size_t bytes)
 {
-    *c = (struct controller){.instrument = instrument};
+    *c = (struct controller){.tick_count = 0};
+    IF_SECOND(c->instrument_count = bank->tool_count;)
+    collide_start(&c->collide, bank);
     return row_cache_start(&c->rows, bank, memory, bytes) ? STATUS_OK : STATUS_BANK_MEMORY;
 }
 
-/* Nothing of the contact may reach the next tick. */
-static void forget_contact(struct controller *c)
+/* Nothing of an instrument's contact may reach the next tick. */
+static void forget_contact(struct controller *c, uint32_t t)
 {
-    collide_forget(&c->collide);
-    contact_clear(&c->contact);
-    effects_forget(c);
+    c->instrument[t].present = false;
+    collide_forget(&c->collide, t);
+    contact_forget(&c->contact, &c->collide, t);
+    effects_forget(c, t);
 }
 
 /* Encoder counts -> pose. True when this tick has a sample to act on; otherwise the safety state has counted why not. */
-static bool sense(struct controller *c, const struct bank_tool *tool, const struct tick_input *in)
+static bool sense(struct controller *c, uint32_t t, const struct bank_tool *tool, const struct tick_input *in)
 {
-    bool fresh = in->fresh && safety_sequence(&c->safety, in->sequence);
-    bool plausible = fresh && kinematics_update(&c->kinematics, tool, in->counts, c->safety.since_sample + 1u);
-    safety_update(&c->safety, fresh, plausible, in->overrun);
+    struct instrument *own = &c->instrument[t];
+    bool fresh = in->fresh && safety_sequence(&own->safety, in->sequence);
+    bool plausible = fresh && kinematics_update(&own->kinematics, tool, in->counts, own->safety.since_sample + 1u);
+    safety_update(&own->safety, fresh, plausible, in->overrun);
     if (in->stop)
-        safety_doubt(&c->safety, STATUS_LOOP_HOST);
+        safety_doubt(&own->safety, STATUS_LOOP_HOST);
     if (in->acknowledge)
-        safety_acknowledge(&c->safety, coupling_settled(&c->coupling));
-    if (c->safety.stale_run >= SAFETY_STALE_TICKS || c->safety.implausible_run >= SAFETY_IMPLAUSIBLE_TICKS) {
+        safety_acknowledge(&own->safety, coupling_settled(&own->coupling));
+    if (own->safety.stale_run >= SAFETY_STALE_TICKS || own->safety.implausible_run >= SAFETY_IMPLAUSIBLE_TICKS) {
         /* The way between is not known: find wrap and contact anew. */
-        c->kinematics.started = false;
-        forget_contact(c);
+        own->kinematics.started = false;
+        forget_contact(c, t);
+    }
+    if (plausible) {
+        own->present = true;
+        effects_sense(c, t, in);
     }
     return plausible;
 }
 
-/* Pose -> contact points -> contact forces. */
-static void touch(struct controller *c, const struct bank_view *bank, const struct bank_tool *tool,
-                  const struct tick_input *in)
+/* Poses -> points that touch. A tool that has no sample in this tick is where it was. */
+static void find_contacts(struct controller *c, const struct bank_view *bank)
 {
     float points_m[BANK_MAX_TOOL_POINTS][3];
-    for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
-        kinematics_point(&c->kinematics, tool->point_m[i], points_m[i]);
-    effects_sense(c, 0, in);
-    effects_move(c, bank, points_m, tool->point_count);
-    collide_update(&c->collide, bank, tool->trocar_m, (const float(*)[3])points_m, tool->point_count);
-    effects_touch(c, bank);
-    contact_gather(&c->contact, &c->collide);
-    effects_place(c, bank, in);
-    contact_admit(&c->contact, &c->rows, bank);
-    if (!effects_push(c, bank)) {
-        contact_respond(&c->contact, &c->rows, bank);
-        effects_respond(c, bank);
-        contact_push(&c->contact, bank);
+    for (uint32_t t = 0; t < tick_instruments(c); t++) { /* bound: TICK_INSTRUMENTS */
+        const struct bank_tool *tool = &bank->tools[t];
+        uint32_t first = c->collide.tool[t].first;
+        for (uint32_t i = 0; i < tool->point_count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+            kinematics_point(&c->instrument[t].kinematics, tool->point_m[i], points_m[first + i]);
     }
+    effects_move(c, bank, points_m, c->collide.count);
+    collide_begin(&c->collide);
+    for (uint32_t t = 0; t < tick_instruments(c); t++) /* bound: TICK_INSTRUMENTS */
+        if (c->instrument[t].present)
+            collide_update(&c->collide, bank, t, bank->tools[t].trocar_m,
+                           (const float(*)[3]) & points_m[c->collide.tool[t].first]);
+    effects_touch(c, bank);
+}
+
+/* Contact points -> contact forces, of all tools at once. */
+static void touch(struct controller *c, const struct bank_view *bank)
+{
+    float velocity_m_s[TICK_INSTRUMENTS][3];
+    bool finite = true;
+    find_contacts(c, bank);
+    contact_gather(&c->contact, &c->collide);
+    effects_place(c, bank);
+    contact_admit(&c->contact, &c->rows, bank);
+    contact_assemble(&c->contact, &c->rows, bank);
+    effects_respond(c, bank);
+    if (!effects_push(c, bank))
+        contact_push(&c->contact, bank);
     effects_follow(c, bank);
-    contact_expect(&c->contact, &c->rows, bank, &c->collide, c->kinematics.velocity_m_s);
-    const float *f = c->contact.force_N;
-    if (!real_finite(f[0]) || !real_finite(f[1]) || !real_finite(f[2])) {
-        c->safety.nonfinite++;
-        safety_doubt(&c->safety, STATUS_LOOP_NONFINITE);
-        forget_contact(c);
+    for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) { /* bound: TICK_INSTRUMENTS */
+        const float *f = c->contact.force_N[t];
+        finite = finite && real_finite(f[0]) && real_finite(f[1]) && real_finite(f[2]);
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            velocity_m_s[t][a] = c->instrument[t].kinematics.velocity_m_s[a];
+    }
+    contact_expect(&c->contact, &c->rows, bank, &c->collide, (const float(*)[3])velocity_m_s);
+    for (uint32_t t = 0; t < tick_instruments(c) && !finite; t++) { /* bound: TICK_INSTRUMENTS */
+        c->instrument[t].safety.nonfinite++;
+        safety_doubt(&c->instrument[t].safety, STATUS_LOOP_NONFINITE);
+        forget_contact(c, t);
     }
 }
 
 /* Contact force -> force for the hand, within its limits; without a sample or in SAFE it decays, else it is silent. */
-static void render(struct controller *c, const struct bank_view *bank, bool sample)
+static void render(struct controller *c, uint32_t t, const struct bank_view *bank, bool sample)
 {
-    if (c->safety.state == SAFETY_RUN && sample)
-        coupling_update(&c->coupling, bank, c->contact.force_N, c->kinematics.tip_m, c->kinematics.velocity_m_s,
-                        c->contact.count > 0);
-    else if (safety_torque(&c->safety))
-        coupling_decay(&c->coupling, bank);
+    struct instrument *own = &c->instrument[t];
+    if (own->safety.state == SAFETY_RUN && sample)
+        coupling_update(&own->coupling, bank, c->contact.force_N[t], own->kinematics.tip_m,
+                        own->kinematics.velocity_m_s, contact_touches(&c->contact, t));
+    else if (safety_torque(&own->safety))
+        coupling_decay(&own->coupling, bank);
     else
-        coupling_silence(&c->coupling);
+        coupling_silence(&own->coupling);
 }
 
 /* Force -> joint efforts by virtual work, plus the motor's weight, each clamped to what its motor gives. */
-static void actuate(struct controller *c, const struct bank_tool *tool, struct tick_output *out)
+static void actuate(const struct instrument *own, const struct bank_tool *tool, struct tick_output *out)
 {
     float effort[3], gravity[3];
-    kinematics_efforts(&c->kinematics, tool, c->coupling.force_N, effort);
-    kinematics_gravity(&c->kinematics, tool, gravity);
-    out->enable = c->safety.state == SAFETY_RUN || (safety_torque(&c->safety) && !coupling_settled(&c->coupling));
+    kinematics_efforts(&own->kinematics, tool, own->coupling.force_N, effort);
+    kinematics_gravity(&own->kinematics, tool, gravity);
+    out->enable = own->safety.state == SAFETY_RUN || (safety_torque(&own->safety) && !coupling_settled(&own->coupling));
     for (int i = 0; i < 3; i++) { /* bound: 3 */
         float limit = tool->axis[i].effort_limit;
-        float wanted = effort[i] + c->coupling.gravity_share * gravity[i];
+        float wanted = effort[i] + own->coupling.gravity_share * gravity[i];
         out->torque[i] = out->enable ? real_clamp(wanted, -limit, limit) : 0.0f;
     }
-    out->sequence = c->safety.sequence;
+    out->sequence = own->safety.sequence;
 }
 
-void tick(struct controller *c, const struct bank_view *bank, const struct tick_input *in, struct tick_output *out)
+void tick(struct controller *c, const struct bank_view *bank, const struct tick_input in[TICK_INSTRUMENTS],
+          struct tick_output out[TICK_INSTRUMENTS])
 {
-    const struct bank_tool *tool = &bank->tools[c->instrument];
+    bool sample[TICK_INSTRUMENTS] = {false}, any = false;
     c->tick_count++;
-    bool sample = sense(c, tool, in);
-    if (sample)
-        touch(c, bank, tool, in);
-    render(c, bank, sample);
-    actuate(c, tool, out);
+    for (uint32_t t = 0; t < tick_instruments(c); t++) { /* bound: TICK_INSTRUMENTS */
+        sample[t] = sense(c, t, &bank->tools[t], &in[t]);
+        any = any || sample[t];
+    }
+    IF_SECOND(c->second.alone += bank->second && sample[0] != sample[1];)
+    if (any)
+        touch(c, bank);
+    for (uint32_t t = 0; t < tick_instruments(c); t++) { /* bound: TICK_INSTRUMENTS */
+        render(c, t, bank, sample[t]);
+        actuate(&c->instrument[t], &bank->tools[t], &out[t]);
+    }
 }

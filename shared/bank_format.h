@@ -212,6 +212,13 @@ struct bank_tool {
     uint32_t reserved[4];
 };
 
+/* SCND, present exactly when the effect second is named, count = 1: two instruments in one body. TOOL has two records exactly then. */
+#define BANK_SCND BANK_TAG('S', 'C', 'N', 'D')
+struct bank_second {
+    uint32_t points[2]; /* point_count of each TOOL record; together at most BANK_MAX_TOOL_POINTS */
+    uint32_t reserved[2];
+};
+
 /* FRIC, present exactly when the effect friction is named, count = 1: Coulomb friction. */
 #define BANK_FRIC         BANK_TAG('F', 'R', 'I', 'C')
 #define BANK_MAX_FRICTION 2.0f /* beyond it the local problem of a contact may have several answers */

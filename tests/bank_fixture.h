@@ -383,6 +383,11 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
     struct bank_viscoelastic *visco = calloc(1, sizeof *visco + sizeof o->branch);
     *visco = (struct bank_viscoelastic){.branches = o->branches, .reach_m = (float)o->tip_radius_m};
     memcpy(visco->branch, o->branch, sizeof o->branch);
+    struct bank_second second = {.points = {tool[0].point_count, tool[1].point_count}};
+    if (o->instruments == 2) {
+        part[parts++] = (struct fixture_part){BANK_SCND, BANK_REQUIRED, 1, 1, sizeof second, &second};
+        effects |= EFFECT_SECOND;
+    }
     if (o->friction_mu > 0) {
         part[parts++] = (struct fixture_part){BANK_FRIC, BANK_REQUIRED, 1, 1, sizeof friction, &friction};
         effects |= EFFECT_FRICTION;

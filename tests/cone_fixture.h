@@ -60,8 +60,9 @@ static inline void cone_problem_random(struct cone_problem *p, unsigned m, doubl
             p->d[3 * c + a] = -move[a] + (a == 2 ? -0.25 * (x[c][0] * x[c][0] + x[c][1] * x[c][1]) / size_m : 0);
 }
 
-/* The same as the controller has it, rounded to single precision; forces 0. The problem takes over the rounded numbers. */
-static inline void cone_problem_round(struct cone_problem *p, struct cone_system *s)
+/* The same as the controller has it, rounded to single precision; forces 0. Coupling and epsilon are in the blocks. The problem
+ * takes over the rounded numbers. */
+static inline void cone_problem_round(struct cone_problem *p, struct cone_system *s, float (*block)[9])
 {
     memset(s, 0, sizeof *s);
     s->count = p->m;
@@ -72,7 +73,7 @@ static inline void cone_problem_round(struct cone_problem *p, struct cone_system
         for (unsigned e = 0; e <= c; e++)
             for (int a = 0; a < 3; a++)
                 for (int b = 0; b < 3; b++) {
-                    float *entry = &s->block[c * (c + 1) / 2 + e][3 * a + b];
+                    float *entry = &block[contact_pair(c, e)][3 * a + b];
                     *entry = (float)p->A[3 * c + a][3 * e + b];
                     p->A[3 * c + a][3 * e + b] = p->A[3 * e + b][3 * c + a] = (double)*entry;
                 }

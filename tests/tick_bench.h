@@ -30,7 +30,7 @@ static inline void bench_open(struct bench *b, const struct bank_fixture_options
         abort();
     size_t rows = row_cache_memory(&b->bank);
     b->rows = rows ? malloc(rows) : NULL;
-    if (node_start(&b->node, &b->bank, 0, 1, b->rows, rows) != STATUS_OK)
+    if (node_start(&b->node, &b->bank, 1, b->rows, rows) != STATUS_OK)
         abort();
     node_transmit(&b->node, &b->boot);
 }

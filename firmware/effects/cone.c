@@ -2,105 +2,6 @@
 
 #include "real.h"
 
-static uint32_t place(uint32_t high, uint32_t low)
-{
-    return high * (high + 1) / 2 + low;
-}
-
-/* Nine sums that stay in registers. */
-struct block {
-    float e[9];
-};
-
-static inline struct block plus(struct block s, float w, const float *G, bool turned)
-{
-    if (turned) {
-        s.e[0] += w * G[0], s.e[1] += w * G[3], s.e[2] += w * G[6];
-        s.e[3] += w * G[1], s.e[4] += w * G[4], s.e[5] += w * G[7];
-        s.e[6] += w * G[2], s.e[7] += w * G[5], s.e[8] += w * G[8];
-    } else {
-        s.e[0] += w * G[0], s.e[1] += w * G[1], s.e[2] += w * G[2];
-        s.e[3] += w * G[3], s.e[4] += w * G[4], s.e[5] += w * G[5];
-        s.e[6] += w * G[6], s.e[7] += w * G[7], s.e[8] += w * G[8];
-    }
-    return s;
-}
-
-/* The vertices of the contacts, each once, and a contact's shares of them. Points of one tool lie on few triangles, so there are
- * far fewer vertices than corners. */
-struct corners {
-    uint32_t count;
-    struct {
-        const struct contact *contact; /* one that has the vertex, and which of its corners it is */
-        int corner;
-        uint16_t vertex;
-    } at[CONE_CORNERS];
-    uint8_t of[CONTACT_MAX][3]; /* per contact and corner: place in `at`; where its share is 0, any */
-    float share[CONTACT_MAX][3];
-};
-
-static void add_corners(struct corners *k, const struct bank_view *bank, const struct contact *contact, uint32_t c)
-{
-    const uint16_t *vertex = bank->triangles[contact->triangle].vertex;
-    contact_shares(bank, contact, k->share[c]);
-    for (int i = 0; i < 3; i++) { /* bound: 3 */
-        k->of[c][i] = 0;
-        if (k->share[c][i] == 0.0f)
-            continue;
-        uint32_t at = 0;
-        while (at < k->count && k->at[at].vertex != vertex[i]) /* bound: CONE_CORNERS */
-            at++;
-        if (at == k->count) {
-            k->at[at].contact = contact;
-            k->at[at].corner = i;
-            k->at[at].vertex = vertex[i];
-            k->count++;
-        }
-        k->of[c][i] = (uint8_t)at;
-    }
-}
-
-/* Each pair of a vertex and a contact is summed once, over the contact's corners; the vertices of contacts d .. m-1 are the first
- * of `corners` when contact d's turn comes. */
-void cone_assemble(struct cone_system *s, const struct contact_set *set, const struct row_cache *g,
-                   const struct bank_view *bank)
-{
-    const float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
-    struct corners k = {.count = 0};
-    struct block response[CONE_CORNERS];
-    s->count = set->count;
-    for (uint32_t d = set->count; d-- > 0;) { /* bound: CONTACT_MAX */
-        const struct contact *from = &set->contact[d];
-        add_corners(&k, bank, from, d);
-        for (uint32_t v = 0; v < k.count; v++) { /* bound: CONE_CORNERS */
-            struct block sum = {{0.0f}};
-            for (int j = 0; j < 3; j++) { /* bound: 3 */
-                float room[9];
-                bool turned;
-                if (k.share[d][j] == 0.0f)
-                    continue;
-                const float *G = contact_block(g, bank, k.at[v].contact, k.at[v].corner, from, j, room, &turned);
-                sum = plus(sum, k.share[d][j], G, turned);
-            }
-            response[v] = sum;
-        }
-        for (uint32_t c = d; c < set->count; c++) { /* bound: CONTACT_MAX */
-            struct block sum = {{softness, 0.0f, 0.0f, 0.0f, softness, 0.0f, 0.0f, 0.0f, softness}};
-            for (int i = 0; i < 3; i++) /* bound: 3 */
-                if (k.share[c][i] != 0.0f)
-                    sum = plus(sum, k.share[c][i], response[k.of[c][i]].e, false);
-            if (c == d) {
-                float pad = contact_pad(bank, (sum.e[0] + sum.e[4] + sum.e[8]) / 3.0f - softness);
-                sum.e[0] += pad;
-                sum.e[4] += pad;
-                sum.e[8] += pad;
-            }
-            for (int e = 0; e < 9; e++) /* bound: 9 */
-                s->block[place(c, d)][e] = sum.e[e];
-        }
-    }
-}
-
 void cone_frame(struct cone_contact *c, const float normal[3])
 {
     /* Tangents by the axis that is least along the normal. */
@@ -118,15 +19,27 @@ void cone_frame(struct cone_contact *c, const float normal[3])
     real_cross(n, t, c->frame[2]);
 }
 
-/* The local problem of a contact from its diagonal block. */
-static void prepare(struct cone_contact *c, const float block[9])
+void cone_begin(struct cone_system *s, const struct contact_set *set, const struct bank_view *bank)
 {
-    float *L = c->local, *V = c->inverse;
+    s->count = set->count;
+    s->softness_m_N = 1.0f / bank->contact->coupling_stiffness_N_m;
+    for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        const float *own = set->block[contact_pair(c, c)];
+        s->contact[c].tool = contact_tool(&set->contact[c]);
+        s->contact[c].pad_m_N = contact_pad(bank, (own[0] + own[4] + own[8]) / 3.0f);
+        cone_frame(&s->contact[c], set->contact[c].normal);
+    }
+}
+
+/* The local problem of a contact from its diagonal block. */
+static void prepare(struct cone_contact *c, const float block[9], float softness_m_N)
+{
+    float *L = c->local, *V = c->inverse, give = softness_m_N + c->pad_m_N;
     int at = 0;
     for (int a = 0; a < 3; a++) { /* bound: 3 */
         float column[3];
         for (int i = 0; i < 3; i++) /* bound: 3 */
-            column[i] = real_dot(&block[3 * i], c->frame[a]);
+            column[i] = real_dot(&block[3 * i], c->frame[a]) + give * c->frame[a][i];
         for (int b = a; b < 3; b++) /* bound: 3 */
             L[at++] = real_dot(c->frame[b], column);
     }
@@ -207,58 +120,78 @@ static void solve_one(struct cone_contact *c, const float q[3], float f[3])
     slide(c, q, f);
 }
 
-/* What the others leave of a contact's displacement; open ones have no force. */
-static void remainder_of(const struct cone_system *s, uint32_t c, float out[3])
+/* The tissue's displacement at contact c under the forces of all others, taken from x; open ones have no force. */
+static void take_others(const struct cone_system *s, const float (*block)[9], uint32_t c, float out[3])
 {
-    const struct cone_contact *k = &s->contact[c];
-    float x = k->wanted_m[0], y = k->wanted_m[1], z = k->wanted_m[2];
-    const float *A = s->block[place(c, 0)];
-    for (uint32_t d = 0; d < c; d++, A += 9) { /* bound: CONTACT_MAX */
+    float x = out[0], y = out[1], z = out[2];
+    const float *B = block[contact_pair(c, 0)];
+    for (uint32_t d = 0; d < c; d++, B += 9) { /* bound: CONTACT_MAX */
         if (s->contact[d].state == CONE_OPEN)
             continue;
         const float *f = s->contact[d].force_N;
-        x -= A[0] * f[0] + A[1] * f[1] + A[2] * f[2];
-        y -= A[3] * f[0] + A[4] * f[1] + A[5] * f[2];
-        z -= A[6] * f[0] + A[7] * f[1] + A[8] * f[2];
+        x -= B[0] * f[0] + B[1] * f[1] + B[2] * f[2];
+        y -= B[3] * f[0] + B[4] * f[1] + B[5] * f[2];
+        z -= B[6] * f[0] + B[7] * f[1] + B[8] * f[2];
     }
     for (uint32_t d = c + 1; d < s->count; d++) { /* bound: CONTACT_MAX */
-        A += 9 * d;                               /* from (d - 1, c) to (d, c) */
+        B += 9 * d;                               /* from (d - 1, c) to (d, c) */
         if (s->contact[d].state == CONE_OPEN)
             continue;
         const float *f = s->contact[d].force_N;
-        x -= A[0] * f[0] + A[3] * f[1] + A[6] * f[2];
-        y -= A[1] * f[0] + A[4] * f[1] + A[7] * f[2];
-        z -= A[2] * f[0] + A[5] * f[1] + A[8] * f[2];
+        x -= B[0] * f[0] + B[3] * f[1] + B[6] * f[2];
+        y -= B[1] * f[0] + B[4] * f[1] + B[7] * f[2];
+        z -= B[2] * f[0] + B[5] * f[1] + B[8] * f[2];
     }
     out[0] = x;
     out[1] = y;
     out[2] = z;
 }
 
-void cone_response(const struct cone_system *s, uint32_t c, float out_m[3])
+/* What the others leave of a contact's displacement. */
+static void remainder_of(const struct cone_system *s, const float (*block)[9], uint32_t c, float out[3])
 {
     const struct cone_contact *k = &s->contact[c];
-    const float *A = s->block[place(c, c)];
-    float left[3];
-    remainder_of(s, c, left);
     for (int a = 0; a < 3; a++) /* bound: 3 */
-        out_m[a] = k->wanted_m[a] - left[a] + real_dot(&A[3 * a], k->force_N);
+        out[a] = k->wanted_m[a] - s->softness_m_N * (s->tool_N[k->tool][a] - k->force_N[a]);
+    take_others(s, block, c, out);
 }
 
-bool cone_solve(struct cone_system *s, uint32_t sweeps)
+void cone_response(const struct cone_system *s, const float (*block)[9], uint32_t c, float out_m[3])
+{
+    const struct cone_contact *k = &s->contact[c];
+    const float *B = block[contact_pair(c, c)];
+    float others[3] = {0.0f, 0.0f, 0.0f};
+    take_others(s, block, c, others);
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        out_m[a] = s->softness_m_N * s->tool_N[k->tool][a] + k->pad_m_N * k->force_N[a] +
+                   real_dot(&B[3 * a], k->force_N) - others[a];
+}
+
+/* Anew in every sweep, so that rounding does not add up. */
+static void sum_on_tools(struct cone_system *s)
+{
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+        s->tool_N[t][0] = s->tool_N[t][1] = s->tool_N[t][2] = 0.0f;
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        for (int a = 0; a < 3; a++)         /* bound: 3 */
+            s->tool_N[s->contact[c].tool][a] += s->contact[c].force_N[a];
+}
+
+bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
 {
     bool rest = false;
     for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
         struct cone_contact *k = &s->contact[c];
-        prepare(k, s->block[place(c, c)]);
+        prepare(k, block[contact_pair(c, c)], s->softness_m_N);
         k->state = CONE_SLIDE; /* so that slip_m_N serves as the first guess, and the force counts */
     }
     for (s->sweeps = 0; s->sweeps < sweeps && !rest; s->sweeps++) { /* bound: BANK_MAX_SWEEPS */
         float moved = 0.0f, largest = 0.0f;
+        sum_on_tools(s);
         for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
             struct cone_contact *k = &s->contact[c];
             float left[3], q[3], f[3];
-            remainder_of(s, c, left);
+            remainder_of(s, block, c, left);
             for (int a = 0; a < 3; a++) /* bound: 3 */
                 q[a] = real_dot(k->frame[a], left);
             solve_one(k, q, f);
@@ -268,9 +201,23 @@ bool cone_solve(struct cone_system *s, uint32_t sweeps)
                 moved += change * change;
                 largest += force * force;
                 k->force_N[a] = force;
+                s->tool_N[k->tool][a] += change;
             }
         }
         rest = moved <= CONE_TOLERANCE * CONE_TOLERANCE * largest;
     }
+    sum_on_tools(s);
     return rest;
+}
+
+void cone_finish(const struct cone_system *s, struct contact_set *set)
+{
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+        for (int a = 0; a < 3; a++) {            /* bound: 3 */
+            set->force_N[t][a] = s->tool_N[t][a];
+            set->proxy_offset_m[t][a] = s->softness_m_N * s->tool_N[t][a];
+        }
+    set->active = 0;
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        set->active |= (uint32_t)(s->contact[c].state != CONE_OPEN) << set->contact[c].point;
 }

@@ -1,7 +1,7 @@
 /* Contacts whose forces have three components, each kept in its cone: the solver that friction and grasping share.
  *
- *   A_cd = C_cd + I / k + epsilon_c I [c = d],  C_cd = sum_ij w_ci w_dj G_ij;  3x3, m/N; symmetric positive definite as a whole
- *   epsilon_c as in contact.h, of trace(C_cc) / 3
+ *   A_cd = B_cd + I / k [same tool] + epsilon_c I [c = d],  B as in contact.h;  3x3, m/N; symmetric positive definite as a whole
+ *   epsilon_c as in contact.h, of trace(B_cc) / 3
  *   r_c  = sum_d A_cd f_d - d_c                                      what is left between tool and tissue, m
  *
  * d_c: displacement that the tool asks of the tissue at contact c, m; f_c: force of the tissue on the tool, N; n_c its
@@ -26,15 +26,13 @@
 
 #define CONE_HELD (-1.0f)
 
-enum {
-    CONE_PAIRS = CONTACT_MAX * (CONTACT_MAX + 1) / 2,
-    CONE_CORNERS = 3 * CONTACT_MAX,
-    CONE_SLIDE_STEPS = 8 /* of the secular equation; three are typical, one when warm */
-};
+enum { CONE_SLIDE_STEPS = 8 /* of the secular equation; three are typical, one when warm */ };
 
 enum cone_state { CONE_OPEN, CONE_STICK, CONE_SLIDE };
 
 struct cone_contact {
+    uint32_t tool;     /* on whose coupling it hangs */
+    float pad_m_N;     /* epsilon_c */
     float frame[3][3]; /* normal, two tangents; world */
     float mu;          /* or CONE_HELD */
     float wanted_m[3]; /* d, world */
@@ -47,24 +45,27 @@ struct cone_contact {
 
 struct cone_system {
     uint32_t count;
-    float block[CONE_PAIRS][9]; /* A_cd, c >= d, row-major, world, at c (c + 1) / 2 + d */
+    float softness_m_N;             /* 1 / k */
+    float tool_N[CONTACT_TOOLS][3]; /* sum of f_c on each tool */
     struct cone_contact contact[CONTACT_MAX];
     uint32_t sweeps; /* of this tick */
 };
 
-/* Blocks of the admitted contacts of `set` in its order; count is set, `contact` is not touched. */
-void cone_assemble(struct cone_system *s, const struct contact_set *set, const struct row_cache *g,
-                   const struct bank_view *bank);
+/* The contacts of `set`, in its order, whose blocks are assembled: tool, epsilon_c, frame; f = `force_N` is the caller's to set. */
+void cone_begin(struct cone_system *s, const struct contact_set *set, const struct bank_view *bank);
 
 /* The frame of a contact with this outward unit normal. */
 void cone_frame(struct cone_contact *c, const float normal[3]);
 
-/* What the forces ask of the tissue and the coupling at contact c, sum of A_cd f_d, m. */
-void cone_response(const struct cone_system *s, uint32_t c, float out_m[3]);
+/* What the forces ask of the tissue and the coupling at contact c, sum of A_cd f_d, m. `block`: B of contact.h. */
+void cone_response(const struct cone_system *s, const float (*block)[9], uint32_t c, float out_m[3]);
 
-/* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. `frame`, mu, wanted_m, force_N,
+/* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. After cone_begin, mu, wanted_m, force_N,
  * slip_m_N of every contact are set (forces need not be in their cones). Returns whether it came to rest. */
 #define CONE_TOLERANCE 1e-4f
-bool cone_solve(struct cone_system *s, uint32_t sweeps);
+bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps);
+
+/* What the solved forces are to the set: force and proxy of each tool, which points push. */
+void cone_finish(const struct cone_system *s, struct contact_set *set);
 
 #endif

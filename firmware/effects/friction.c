@@ -32,12 +32,7 @@ static void put(struct contact *c, const struct collide_point *at, const float p
 {
     float away[3];
     real_subtract(at->anchor_m, point_m, away);
-    c->triangle = at->triangle;
-    c->depth_m = real_dot(at->normal, away);
-    for (int k = 0; k < 3; k++) { /* bound: 3 */
-        c->weights[k] = at->weights[k];
-        c->normal[k] = at->normal[k];
-    }
+    contact_put(c, at->triangle, at->weights, at->normal, away);
 }
 
 /* A point that slides, or whose anchor lags further than friction can hold it: where the contact without friction would be,
@@ -103,15 +98,14 @@ void friction_place(struct friction *f, const struct bank_view *bank, struct con
     }
 }
 
-void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set, const struct row_cache *g)
+void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set)
 {
     struct cone_system *s = &f->system;
-    cone_assemble(s, set, g, bank);
+    cone_begin(s, set, bank);
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *contact = &set->contact[c];
         const struct friction_point *h = &f->point[contact->point];
         struct cone_contact *k = &s->contact[c];
-        cone_frame(k, contact->normal);
         k->mu = bank->friction->mu;
         k->slip_m_N = h->slip_m_N;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
@@ -119,27 +113,17 @@ void friction_push(struct friction *f, const struct bank_view *bank, struct cont
             k->force_N[a] = h->force_N[a];
         }
     }
-    f->cut += !cone_solve(s, bank->friction->sweeps);
-
-    const float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
-    for (int a = 0; a < 3; a++) { /* bound: 3 */
-        float sum = 0.0f;
-        for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
-            sum += s->contact[c].force_N[a];
-        set->force_N[a] = sum;
-        set->proxy_offset_m[a] = softness * sum;
-    }
-    set->active = 0;
+    f->cut += !cone_solve(s, (const float(*)[9])set->block, bank->friction->sweeps);
+    cone_finish(s, set);
     for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
         struct contact *contact = &set->contact[c];
         const struct cone_contact *k = &s->contact[c];
         contact->pressure_N = real_dot(k->force_N, contact->normal);
-        set->active |= (uint32_t)(k->state != CONE_OPEN) << contact->point;
         /* The tissue follows the tool but for the slip, and the tool is the proxy. */
         float slip = k->state == CONE_SLIDE ? k->slip_m_N : 0.0f;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
             float across = k->force_N[a] - contact->pressure_N * contact->normal[a];
-            contact->displacement_m[a] = set->proxy_offset_m[a] - k->wanted_m[a] + slip * across;
+            contact->displacement_m[a] = set->proxy_offset_m[k->tool][a] - k->wanted_m[a] + slip * across;
         }
     }
 }
@@ -182,8 +166,8 @@ void friction_follow(struct friction *f, const struct contact_set *set)
             f->point[i].holds = false;
 }
 
-void friction_forget(struct friction *f)
+void friction_forget(struct friction *f, const struct collide_range *points)
 {
-    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
-        f->point[i].holds = false;
+    for (uint32_t i = 0; i < points->count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        f->point[points->first + i].holds = false;
 }

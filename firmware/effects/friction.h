@@ -46,9 +46,8 @@ int friction_open(struct bank_view *view);
 /* The stages of hooks.h. */
 void friction_place(struct friction *f, const struct bank_view *bank, struct contact_set *set,
                     const struct collide *points);
-void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set,
-                   const struct row_cache *g);
+void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set);
 void friction_follow(struct friction *f, const struct contact_set *set);
-void friction_forget(struct friction *f);
+void friction_forget(struct friction *f, const struct collide_range *points);
 
 #endif

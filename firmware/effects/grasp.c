@@ -15,31 +15,27 @@ int grasp_open(struct bank_view *view)
 }
 
 /* The jaws have two thresholds, so that a grip near one of them does not chatter. */
-static void jaws(struct grasp *g, const struct bank_grasp *b, uint16_t grip)
+static void turn_jaws(struct grasp *g, const struct bank_grasp *b, uint32_t tool, const struct collide_range *points)
 {
-    g->closing = !g->closed && grip >= b->close_count;
-    g->closed = g->closing || (g->closed && grip > b->open_count);
-    for (uint32_t i = 0; i < CONTACT_MAX && !g->closed; i++) /* bound: CONTACT_MAX */
-        g->point[i].held = false;
+    struct grasp_jaws *j = &g->jaws[tool];
+    j->closing = !j->closed && j->grip >= b->close_count;
+    j->closed = j->closing || (j->closed && j->grip > b->open_count);
+    for (uint32_t i = 0; i < points->count && !j->closed; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        g->point[points->first + i].held = false;
 }
 
 static void put(struct contact *c, const struct grasp_point *h, const float point_m[3])
 {
     float asked[3];
     real_subtract(h->from_m, point_m, asked);
-    c->triangle = h->triangle;
-    c->depth_m = real_dot(h->normal, asked);
-    for (int k = 0; k < 3; k++) { /* bound: 3 */
-        c->weights[k] = h->weights[k];
-        c->normal[k] = h->normal[k];
-    }
+    contact_put(c, h->triangle, h->weights, h->normal, asked);
 }
 
-void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points,
-                 uint16_t grip)
+void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points)
 {
     uint32_t there = 0;
-    jaws(g, bank->grasp, grip);
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+        turn_jaws(g, bank->grasp, t, &points->tool[t]);
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
         there |= 1u << at->point;
@@ -50,19 +46,17 @@ void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_s
         if (!g->point[i].held || there >> i & 1u)
             continue;
         struct contact *more = &set->contact[set->count++]; /* one per point of the tool at most: there is room */
-        *more = (struct contact){.point = i};
+        contact_begin(more, points, i);
         put(more, &g->point[i], points->point[i].position_m);
     }
 }
 
-static void ask(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points)
+static void ask(struct grasp *g, struct contact_set *set, const struct collide *points)
 {
-    (void)bank;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *at = &set->contact[c];
         const struct grasp_point *h = &g->point[at->point];
         struct cone_contact *k = &g->system.contact[c];
-        cone_frame(k, at->normal);
         k->mu = h->held ? CONE_HELD : 0.0f;
         k->slip_m_N = 0.0f;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
@@ -80,7 +74,7 @@ static void remember(struct grasp *g, const struct bank_grasp *b, const struct c
     struct grasp_point *h = &g->point[at->point];
     for (int a = 0; a < 3; a++) /* bound: 3 */
         h->force_N[a] = k->force_N[a];
-    if (g->closing && k->state != CONE_OPEN) {
+    if (g->jaws[k->tool].closing && k->state != CONE_OPEN) {
         h->held = true;
         h->triangle = at->triangle;
         g->taken++;
@@ -99,33 +93,24 @@ static void remember(struct grasp *g, const struct bank_grasp *b, const struct c
     }
 }
 
-void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct row_cache *rows,
-                const struct collide *points)
+void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points)
 {
     struct cone_system *s = &g->system;
-    const float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
-    cone_assemble(s, set, rows, bank);
-    ask(g, bank, set, points);
-    g->cut += !cone_solve(s, bank->grasp->sweeps);
-    for (int a = 0; a < 3; a++) { /* bound: 3 */
-        float sum = 0.0f;
-        for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
-            sum += s->contact[c].force_N[a];
-        set->force_N[a] = sum;
-        set->proxy_offset_m[a] = softness * sum;
-    }
-    set->active = 0;
+    const float(*block)[9] = (const float(*)[9])set->block;
+    cone_begin(s, set, bank);
+    ask(g, set, points);
+    g->cut += !cone_solve(s, block, bank->grasp->sweeps);
+    cone_finish(s, set);
     uint32_t seen = 0;
     for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
         const struct cone_contact *k = &s->contact[c];
         float response_m[3];
-        cone_response(s, c, response_m);
+        cone_response(s, block, c, response_m);
         at->pressure_N = k->state == CONE_OPEN ? 0.0f : real_sqrt(real_dot(k->force_N, k->force_N));
-        set->active |= (uint32_t)(k->state != CONE_OPEN) << at->point;
         seen |= 1u << at->point;
         for (int a = 0; a < 3; a++) /* bound: 3 */
-            at->displacement_m[a] = set->proxy_offset_m[a] - response_m[a];
+            at->displacement_m[a] = set->proxy_offset_m[k->tool][a] - response_m[a];
         remember(g, bank->grasp, at, k, response_m, points->point[at->point].position_m);
     }
     for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
@@ -134,12 +119,14 @@ void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_se
                 g->point[i].force_N[a] = 0.0f;
 }
 
-void grasp_forget(struct grasp *g)
+void grasp_forget(struct grasp *g, const struct collide *points, uint32_t tool)
 {
-    g->closed = false;
-    for (uint32_t i = 0; i < CONTACT_MAX; i++) { /* bound: CONTACT_MAX */
-        g->point[i].held = false;
+    const struct collide_range *range = &points->tool[tool];
+    g->jaws[tool].closed = false;
+    for (uint32_t i = 0; i < range->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
+        struct grasp_point *p = &g->point[range->first + i];
+        p->held = false;
         for (int a = 0; a < 3; a++) /* bound: 3 */
-            g->point[i].force_N[a] = 0.0f;
+            p->force_N[a] = 0.0f;
     }
 }

@@ -23,8 +23,13 @@ struct grasp_point {
     float force_N[3]; /* of the last tick: where the solver starts */
 };
 
+struct grasp_jaws {
+    uint16_t grip;        /* raw count of the last sample, larger is more closed */
+    bool closed, closing; /* closing: in this tick */
+};
+
 struct grasp {
-    bool closed, closing; /* the jaws; in this tick they closed */
+    struct grasp_jaws jaws[CONTACT_TOOLS];
     struct grasp_point point[CONTACT_MAX];
     struct cone_system system;
     uint32_t taken, slips,
@@ -33,11 +38,9 @@ struct grasp {
 
 int grasp_open(struct bank_view *view);
 
-/* The stages of hooks.h. `grip`: raw count, larger is more closed. */
-void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points,
-                 uint16_t grip);
-void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct row_cache *rows,
-                const struct collide *points);
-void grasp_forget(struct grasp *g);
+/* The stages of hooks.h. */
+void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points);
+void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points);
+void grasp_forget(struct grasp *g, const struct collide *points, uint32_t tool);
 
 #endif

@@ -9,6 +9,7 @@
 static inline void effects_sense(struct controller *c, uint32_t tool, const struct tick_input *in)
 {
     (void)c, (void)tool, (void)in;
+    IF_GRASP(c->grasp.jaws[tool].grip = in->grip;)
     IF_SHAPE(shape_sense(&c->shape, tool, in->roll, in->grip);)
 }
 
@@ -18,7 +19,9 @@ static inline void effects_move(struct controller *c, const struct bank_view *ba
 {
     (void)c, (void)bank, (void)points_m, (void)count;
     IF_SHAPE(if (bank->shape) {
-        shape_move(&c->shape, bank, 0, 0, count, &c->kinematics, points_m);
+        for (uint32_t t = 0; t < tick_instruments(c); t++) /* bound: TICK_INSTRUMENTS */
+            shape_move(&c->shape, bank, t, c->collide.tool[t].first, c->collide.tool[t].count,
+                       &c->instrument[t].kinematics, points_m);
         shape_hide(&c->shape, &c->collide);
     })
     IF_SWING(if (bank->swing) swing_move(&c->swing, bank, points_m, count);)
@@ -32,39 +35,39 @@ static inline void effects_touch(struct controller *c, const struct bank_view *b
 }
 
 /* After the touching points are known, before the rows of their triangles are asked for: where on the surface each contact
- * acts, and which contacts there are. c->contact holds them as the collision found them; `in` has roll and grip. */
-static inline void effects_place(struct controller *c, const struct bank_view *bank, const struct tick_input *in)
+ * acts, and which contacts there are. c->contact holds them as the collision found them. */
+static inline void effects_place(struct controller *c, const struct bank_view *bank)
 {
-    (void)c, (void)bank, (void)in;
+    (void)c, (void)bank;
     IF_FRICTION(if (bank->friction) friction_place(&c->friction, bank, &c->contact, &c->collide);)
-    IF_GRASP(if (bank->grasp) grasp_place(&c->grasp, bank, &c->contact, &c->collide, in->grip);)
+    IF_GRASP(if (bank->grasp) grasp_place(&c->grasp, bank, &c->contact, &c->collide);)
     IF_SWING(if (bank->swing) swing_place(&c->swing, bank, &c->contact);)
 }
 
-/* In place of contact_respond and contact_push: forces that are more than a push along the normal. True when they are done. */
-static inline bool effects_push(struct controller *c, const struct bank_view *bank)
-{
-    (void)c, (void)bank;
-    IF_FRICTION(if (bank->friction) {
-        friction_push(&c->friction, bank, &c->contact, &c->rows);
-        return true;
-    })
-    IF_GRASP(if (bank->grasp) {
-        grasp_push(&c->grasp, bank, &c->contact, &c->rows, &c->collide);
-        return true;
-    })
-    IF_VISCOELASTIC(if (bank->viscoelastic) {
-        viscoelastic_push(&c->viscoelastic, bank, &c->contact, &c->rows, &c->collide, c->tick_count);
-        return true;
-    })
-    return false;
-}
-
-/* Between contact_respond and contact_push: what else than the bank's compliance decides how contacts respond to each other. */
+/* After contact_assemble: what else than the bank's compliance decides how contacts respond to each other. */
 static inline void effects_respond(struct controller *c, const struct bank_view *bank)
 {
     (void)c, (void)bank;
     IF_SWING(if (bank->swing) swing_respond(&c->swing, bank, &c->contact);)
+}
+
+/* In place of contact_push: forces that are more than a push along the normal. True when they are done. */
+static inline bool effects_push(struct controller *c, const struct bank_view *bank)
+{
+    (void)c, (void)bank;
+    IF_FRICTION(if (bank->friction) {
+        friction_push(&c->friction, bank, &c->contact);
+        return true;
+    })
+    IF_GRASP(if (bank->grasp) {
+        grasp_push(&c->grasp, bank, &c->contact, &c->collide);
+        return true;
+    })
+    IF_VISCOELASTIC(if (bank->viscoelastic) {
+        viscoelastic_push(&c->viscoelastic, bank, &c->contact, &c->collide, c->tick_count);
+        return true;
+    })
+    return false;
 }
 
 /* After the forces of this tick are known: what an effect remembers of them. */
@@ -76,15 +79,16 @@ static inline void effects_follow(struct controller *c, const struct bank_view *
     IF_SWING(if (bank->swing) swing_follow(&c->swing, bank, &c->contact);)
 }
 
-/* The way between two ticks is not known, or a force was not finite: nothing remembered of contact is true any more. */
-static inline void effects_forget(struct controller *c)
+/* The way between two ticks of an instrument is not known, or a force was not finite: nothing remembered of its contact is true
+ * any more. */
+static inline void effects_forget(struct controller *c, uint32_t tool)
 {
-    (void)c;
-    IF_FRICTION(friction_forget(&c->friction);)
-    IF_GRASP(grasp_forget(&c->grasp);)
-    IF_SHAPE(shape_forget(&c->shape, 0, 0, c->collide.count);)
+    (void)c, (void)tool;
+    IF_FRICTION(friction_forget(&c->friction, &c->collide.tool[tool]);)
+    IF_GRASP(grasp_forget(&c->grasp, &c->collide, tool);)
+    IF_SHAPE(shape_forget(&c->shape, tool, c->collide.tool[tool].first, c->collide.tool[tool].count);)
     IF_SWING(swing_forget(&c->swing);)
-    IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic);)
+    IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic, &c->collide.tool[tool]);)
 }
 
 #endif

@@ -91,13 +91,15 @@ static void shapes_at_contacts(struct swing *s, const struct bank_view *bank, co
     }
 }
 
-/* Whether n . response without `part` of the modes is positive definite by more than a part in 2^16 of its diagonal. */
+/* Whether n . B n without `part` of the modes is positive definite by more than a part in 2^16 of its diagonal. */
 static bool positive(const struct swing *s, const struct bank_swing *b, const struct contact_set *set, float part)
 {
     float L[CONTACT_MAX][CONTACT_MAX], pivot[CONTACT_MAX];
     for (uint32_t i = 0; i < set->count; i++) /* bound: CONTACT_MAX */
         for (uint32_t j = 0; j <= i; j++) {   /* bound: CONTACT_MAX */
-            float a = real_dot(set->contact[i].normal, set->response[i][j]), whole = a, sum;
+            float moved[3];
+            contact_multiply(set, i, j, set->contact[j].normal, moved);
+            float a = real_dot(set->contact[i].normal, moved), whole = a, sum;
             for (uint32_t k = 0; k < b->modes; k++) /* bound: BANK_MAX_MODES */
                 a -= part * (1.0f - b->mode[k].drive) * s->push[i][k] * s->push[j][k];
             sum = a;
@@ -124,10 +126,10 @@ void swing_respond(struct swing *s, const struct bank_view *bank, struct contact
     s->withheld += s->part < 1.0f;
     for (uint32_t k = 0; k < b->modes; k++) { /* bound: BANK_MAX_MODES */
         float taken = s->part * (1.0f - b->mode[k].drive);
-        for (uint32_t c = 0; c < set->count; c++)     /* bound: CONTACT_MAX */
-            for (uint32_t d = 0; d < set->count; d++) /* bound: CONTACT_MAX */
-                for (int a = 0; a < 3; a++)           /* bound: 3 */
-                    set->response[c][d][a] -= taken * s->shape[c][k][a] * s->push[d][k];
+        for (uint32_t c = 0; c < set->count; c++) /* bound: CONTACT_MAX */
+            for (uint32_t d = 0; d <= c; d++)     /* bound: CONTACT_MAX */
+                for (int e = 0; e < 9; e++)       /* bound: 9 */
+                    set->block[contact_pair(c, d)][e] -= taken * s->shape[c][k][e / 3] * s->shape[d][k][e % 3];
     }
 }
 

@@ -126,7 +126,7 @@ static float sum_of(const struct contact_set *set)
 }
 
 void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set,
-                       const struct row_cache *g, const struct collide *points, uint32_t tick)
+                       const struct collide *points, uint32_t tick)
 {
     uint32_t ticks = v->started ? tick - v->tick : 1;
     if (ticks < 1 || ticks > SAFETY_STALE_TICKS)
@@ -152,6 +152,7 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
         memory_of(p, &s, memory[c]);
         depth_m[c] = at->depth_m;
         at->depth_m = s.total * at->depth_m - real_dot(at->normal, memory[c]);
+        at->pad_m_N *= s.total;
     }
 
     struct bank_contact stiff = *bank->contact;
@@ -159,11 +160,11 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
     stiff.coupling_stiffness_N_m *= whole;
     stiff.regularisation_m_N *= s.total;
     as_if.contact = &stiff;
-    contact_respond(set, g, &as_if);
     contact_push(set, &as_if);
 
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        set->proxy_offset_m[a] *= whole;
+    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+        for (int a = 0; a < 3; a++)              /* bound: 3 */
+            set->proxy_offset_m[t][a] *= whole;
     float elastic[CONTACT_MAX][3];              /* w */
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
@@ -190,9 +191,10 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
             for (uint32_t b = 0; b < s.branches; b++) /* bound: BANK_MAX_BRANCHES */
                 p->memory_m[b][a] = share.memory[b] * elastic[c][a];
         }
-        float others_N = sum_N - at->pressure_N;
+        float others_N = sum_N - at->pressure_N, own[3];
+        contact_multiply(set, c, c, at->normal, own);
         for (int a = 0; a < 3; a++) { /* bound: 3 */
-            float others_m = elastic[c][a] + set->response[c][c][a] * at->pressure_N;
+            float others_m = elastic[c][a] + own[a] * at->pressure_N;
             p->others_m_N[a] = others_N > 0.0f ? others_m / others_N : 0.0f;
         }
         p->remembers = true;
@@ -210,7 +212,9 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
     }
 }
 
-void viscoelastic_forget(struct viscoelastic *v)
+void viscoelastic_forget(struct viscoelastic *v, const struct collide_range *points)
 {
-    *v = (struct viscoelastic){.started = false};
+    for (uint32_t i = 0; i < points->count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        v->point[points->first + i] = (struct viscoelastic_point){.remembers = false};
+    v->started = false;
 }

@@ -52,7 +52,7 @@ int viscoelastic_open(struct bank_view *view);
 
 /* The stages of hooks.h. `tick`: number of this tick; the ones since the last push had no sample. */
 void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set,
-                       const struct row_cache *g, const struct collide *points, uint32_t tick);
-void viscoelastic_forget(struct viscoelastic *v);
+                       const struct collide *points, uint32_t tick);
+void viscoelastic_forget(struct viscoelastic *v, const struct collide_range *points);
 
 #endif

@@ -11,6 +11,7 @@
 
 #include "scene_friction.h"
 #include "scene_grasp.h"
+#include "scene_second.h"
 #include "scene_shape.h"
 #include "scene_swing.h"
 #include "scene_viscoelastic.h"
@@ -37,7 +38,7 @@ struct effect_section {
 struct effect {
     const char *name, *what;
     uint32_t bit, tag;
-    /* The mapping behind its key; complains in the tree. */
+    /* The mapping behind its key; complains in the tree. `second` has no key: scene_parse names it. */
     void (*parse)(struct tree *tree, void *map, struct scene *scene);
     /* "{key: value, ...}", which parse reads back to the same. */
     void (*print)(FILE *out, const struct scene *scene);

@@ -31,7 +31,7 @@ int mirror_open(struct mirror *mirror, const struct bank_view *bank, uint32_t in
         return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for a controller and its rows (%zu bytes)",
                            sizeof *mirror + 3 * mirror->row_bytes);
     }
-    int status = node_start(&mirror->node, bank, instrument, node_id, mirror->rows, mirror->row_bytes);
+    int status = node_start(&mirror->node, bank, node_id, mirror->rows, mirror->row_bytes);
     if (status) {
         mirror_close(mirror);
         return failure_set(why, (enum status)status, NULL, NULL, "the controller does not start on this bank");
@@ -161,7 +161,7 @@ static void start(struct mirror *mirror)
     const uint8_t node_id = mirror->node.node_id;
     if (mirror->ticks == 0)
         return; /* so was the mirror */
-    node_start(&mirror->node, mirror->bank, mirror->instrument, node_id, mirror->rows, mirror->row_bytes);
+    node_start(&mirror->node, mirror->bank, node_id, mirror->rows, mirror->row_bytes);
     mirror->joined = false;
     mirror->starts++;
     begin(mirror);
@@ -301,7 +301,7 @@ static void pend(struct mirror *mirror, const struct can_frame_t *frame, uint64_
 static void follow(struct mirror *mirror, unsigned state)
 {
     struct can_frame_t frame = {.id = WIRE_NMT_ID, .length = WIRE_NMT_LENGTH};
-    if (!mirror->joined || state != SAFETY_RUN || mirror->node.controller.safety.state != SAFETY_READY)
+    if (!mirror->joined || state != SAFETY_RUN || mirror->node.controller.instrument[0].safety.state != SAFETY_READY)
         return;
     wire_nmt_pack(frame.data, &(struct wire_nmt){.command = 1, .node = mirror->node.node_id});
     pend(mirror, &frame, mirror->sync_us);

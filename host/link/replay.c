@@ -53,7 +53,7 @@ static void take(struct replay_result *result, const struct mirror *mirror)
     result->hashes_differed = mirror->hashes_differed;
     result->starts = mirror->starts;
     result->joined = mirror->joined;
-    result->final_state = c->safety.state;
+    result->final_state = c->instrument[0].safety.state;
 }
 
 static void step(struct replay_result *result, struct mirror *mirror, const struct candump_record *record, long line)
@@ -64,7 +64,7 @@ static void step(struct replay_result *result, struct mirror *mirror, const stru
     result->last_us = record->time_us;
     result->samples += frame->id == WIRE_ENCODERS_ID + result->node;
     const enum mirror_verdict verdict = mirror_receive(mirror, frame, record->time_us);
-    const float *f = mirror->node.controller.coupling.force_N;
+    const float *f = mirror->node.controller.instrument[0].coupling.force_N;
     result->peak_force_N = fmax(result->peak_force_N, sqrt((double)(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
     if (verdict != MIRROR_DIFFERS || result->line)
         return;

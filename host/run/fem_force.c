@@ -32,7 +32,7 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
     sample->count = set->count;
     sample->friction = cone != NULL;
     sample->stiffening = visco ? (double)visco->stiffening : 1;
-    memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
+    memcpy(sample->force_N, set->force_N[0], sizeof sample->force_N);
     for (uint32_t c = 0; c < set->count; c++) {
         sample->contact[c].triangle = set->contact[c].triangle;
         sample->contact[c].depth_m = visco ? remembered_depth(&set->contact[c], visco) : set->contact[c].depth_m;
@@ -223,7 +223,7 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, c
 {
     if (set->count == 0)
         return;
-    const float *f = set->force_N;
+    const float *f = set->force_N[0];
     float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
     if (force2 > record->peak_force2_N2) {
         record->peak_force2_N2 = force2;

@@ -180,7 +180,7 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
         return status;
     }
     fem_record_start(&s->record, options->fem_every);
-    node_start(&s->node, &bank->view, 0, SESSION_NODE, s->rows, rows);
+    node_start(&s->node, &bank->view, SESSION_NODE, s->rows, rows);
     send_queued(s);
     s->started_s = seconds_now();
     clock_begin(&s->clock);
@@ -201,11 +201,13 @@ static void account(struct session *s)
     struct session_result *r = &s->result;
     for (uint32_t t = 0; t < s->count; t++) {
         struct session_instrument *i = &r->instrument[t];
-        i->ran |= c->safety.state == SAFETY_RUN;
-        i->peak_force_N = fmax(i->peak_force_N, length(c->coupling.force_N));
-        i->peak_contact_force_N = fmax(i->peak_contact_force_N, length(c->contact.force_N));
+        i->ran |= c->instrument[t].safety.state == SAFETY_RUN;
+        i->peak_force_N = fmax(i->peak_force_N, length(c->instrument[t].coupling.force_N));
+        i->peak_contact_force_N = fmax(i->peak_contact_force_N, length(c->contact.force_N[t]));
         unsigned contacts = 0;
         for (uint32_t k = 0; k < c->contact.count; k++) {
+            if (c->contact.contact[k].tool != t)
+                continue;
             contacts++;
             i->max_depth_m = fmax(i->max_depth_m, (double)c->contact.contact[k].depth_m);
         }
@@ -257,7 +259,8 @@ bool session_tick(struct session *s)
     for (uint32_t t = 0; t < s->count; t++)
         bench_drive_tick(&s->station[t].bench, session_gesture_time_s(s));
     node_begin_tick(&s->node);
-    s->node.input.overrun = s->overrun;
+    if (s->overrun)
+        node_overrun(&s->node);
     s->overrun = false;
     send_queued(s);
     for (uint32_t t = 0; t < SESSION_TICK_US; t += DEVICE_SUBSTEP_US) {
@@ -390,10 +393,10 @@ static void finish_instrument(struct session *s, uint32_t t)
     const struct controller *c = &s->node.controller;
     const struct station *at = &s->station[t];
     struct session_instrument *i = &s->result.instrument[t];
-    i->safety = c->safety;
-    i->clamps = c->coupling.clamps;
-    i->rate_limits = c->coupling.rate_limits;
-    i->passivity_interventions = c->coupling.passivity_interventions;
+    i->safety = c->instrument[t].safety;
+    i->clamps = c->instrument[t].coupling.clamps;
+    i->rate_limits = c->instrument[t].coupling.rate_limits;
+    i->passivity_interventions = c->instrument[t].coupling.passivity_interventions;
     i->device_rejected = at->bench.node.device.commands_rejected;
     i->device_late = at->bench.node.late;
     i->device_silences = at->bench.node.device.silences;

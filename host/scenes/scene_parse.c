@@ -95,8 +95,16 @@ static void instruments(struct tree *t, tree_node list, struct scene *scene)
             tree_require(t, tree_item(t, list, i), strcmp(scene->instrument[i].name, scene->instrument[j].name) != 0,
                          "two instruments are named '%s'", scene->instrument[i].name);
     }
-    if (count)
-        scene->instrument_count = count;
+    if (count < 2) {
+        scene->instrument_count = 1;
+        return;
+    }
+    scene->instrument_count = count;
+    scene->effects.named |= EFFECT_SECOND;
+    unsigned points = scene->instrument[0].tip_points + scene->instrument[1].tip_points;
+    tree_require(t, list, points <= BANK_MAX_TOOL_POINTS,
+                 "the tips of both instruments have %u points in all: at most %d fit one contact system", points,
+                 BANK_MAX_TOOL_POINTS);
 }
 
 static void contact(struct tree *t, tree_node map, struct scene *scene)
@@ -121,7 +129,10 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
     if (tree_empty(t, map))
         return;
     char offered[400], remedy[440];
-    effects_names(UINT32_MAX >> (32 - effects_count()), ", ", offered, sizeof offered);
+    uint32_t all = 0;
+    for (size_t i = 0; i < effects_count(); i++)
+        all |= effects_at(i)->bit;
+    effects_names(all & ~(uint32_t)EFFECT_SECOND, ", ", offered, sizeof offered);
     snprintf(remedy, sizeof remedy, "this version offers: %s", offered);
     if (map->type != YAML_MAPPING_NODE) {
         tree_fail(t, map, STATUS_SCENE_KEY, remedy, "effects is not a mapping from effects to what they take");
@@ -135,6 +146,11 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         if (!effect) {
             tree_fail(t, key, STATUS_SCENE_KEY, remedy, "effect%s%.60s%s is not known", word ? " '" : "", name,
                       word ? "'" : "");
+            return;
+        }
+        if (effect->bit == EFFECT_SECOND) {
+            tree_fail(t, key, STATUS_SCENE_KEY, "write a second entry of instruments",
+                      "'%s' is no key of effects: a second instrument names it", name);
             return;
         }
         if (scene->effects.named & effect->bit) {

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "effects/image.h"
 #include "quantity.h"
 
 static void quantity(FILE *out, const char *before, double value, enum dimension dimension)
@@ -226,7 +227,7 @@ static void effects(FILE *out, const struct scene *scene)
 {
     const char *before = "";
     for (size_t i = 0; i < effects_count(); i++)
-        if (scene->effects.named & effects_at(i)->bit) {
+        if (scene->effects.named & effects_at(i)->bit & ~(uint32_t)EFFECT_SECOND) { /* that is in the instruments */
             fprintf(out, "%s%s: ", before, effects_at(i)->name);
             effects_at(i)->print(out, scene);
             before = ", ";

@@ -47,7 +47,7 @@ static bool gather_inputs(const struct bank_view *bank, struct recording *r)
     size_t bytes = row_cache_memory(bank);
     void *memory = malloc(bytes + 1);
     r->input = malloc((r->ticks + 1) * sizeof *r->input);
-    if (!node || !memory || !r->input || node_start(node, bank, 0, SESSION_NODE, memory, bytes) != STATUS_OK) {
+    if (!node || !memory || !r->input || node_start(node, bank, SESSION_NODE, memory, bytes) != STATUS_OK) {
         free(node);
         free(memory);
         return false;
@@ -59,7 +59,8 @@ static bool gather_inputs(const struct bank_view *bank, struct recording *r)
         node_begin_tick(node);
         for (; next < r->frames && r->time_us[next] <= start_us + SESSION_COMPUTE_US; next++)
             node_receive(node, &r->frame[next]);
-        r->input[t] = node->input;
+        for (uint32_t i = 0; i < TICK_INSTRUMENTS; i++)
+            r->input[t][i] = node->instrument[i].input;
         node_finish_tick(node);
         while (node_transmit(node, &drop))
             ;
@@ -125,14 +126,14 @@ static double now_ns(void)
 static bool run_once(const struct bank_view *bank, const struct recording *recording, struct controller *c,
                      void *memory, size_t bytes, struct replay *r, double *took_ns)
 {
-    struct tick_output out;
-    if (controller_start(c, bank, 0, memory, bytes) != STATUS_OK)
+    struct tick_output out[TICK_INSTRUMENTS];
+    if (controller_start(c, bank, memory, bytes) != STATUS_OK)
         return false;
     for (size_t t = 0; t < recording->ticks; t++) {
         double before = now_ns();
-        tick(c, bank, &recording->input[t], &out);
+        tick(c, bank, recording->input[t], out);
         took_ns[t] = now_ns() - before;
-        memcpy(r->force_N[t], c->contact.force_N, sizeof r->force_N[t]);
+        memcpy(r->force_N[t], c->contact.force_N[0], sizeof r->force_N[t]);
         r->contacts[t] = (uint8_t)c->contact.count;
         if (c->contact.count == 0)
             continue;

@@ -12,7 +12,7 @@
 
 struct recording {
     size_t ticks;
-    struct tick_input *input; /* per tick */
+    struct tick_input (*input)[TICK_INSTRUMENTS]; /* per tick */
     size_t frames;
     struct can_frame_t *frame; /* from device and host, in the order of their times */
     uint64_t *time_us;

@@ -56,22 +56,22 @@ static bool measure(const struct bank_view *bank, const struct recording *record
 {
     static const float zero[3];
     struct unbounded rest;
-    struct tick_output out;
+    struct tick_output out[TICK_INSTRUMENTS];
     double peak = 0;
     size_t count = 0, size = sizeof *now + now->bytes;
     unbind(&rest, bank);
-    if (controller_start(&now->controller, bank, 0, now->rows, now->bytes) != STATUS_OK)
+    if (controller_start(&now->controller, bank, now->rows, now->bytes) != STATUS_OK)
         return false;
     for (size_t t = 0; t < recording->ticks; t++) {
         float f[3];
         memcpy(before, now, size);
-        tick(&now->controller, &rest.view, &recording->input[t], &out);
-        memcpy(f, now->controller.contact.force_N, sizeof f);
+        tick(&now->controller, &rest.view, recording->input[t], out);
+        memcpy(f, now->controller.contact.force_N[0], sizeof f);
         memcpy(now, before, size);
-        tick(&now->controller, bank, &recording->input[t], &out);
+        tick(&now->controller, bank, recording->input[t], out);
         if (now->controller.contact.count == 0)
             continue;
-        found[count++] = distance(now->controller.contact.force_N, f);
+        found[count++] = distance(now->controller.contact.force_N[0], f);
         peak = fmax(peak, distance(f, zero));
     }
     *error = tick_error_of(found, count, peak);

@@ -129,19 +129,20 @@ static double read_all(const struct bank_view *view)
 static void run(const struct bank_view *view)
 {
     static struct controller c;
-    struct tick_output out;
+    struct tick_output out[TICK_INSTRUMENTS];
     size_t rows = row_cache_memory(view);
     void *memory = rows ? malloc(rows) : NULL;
-    assert_int_equal(controller_start(&c, view, 0, memory, rows), STATUS_OK);
+    assert_int_equal(controller_start(&c, view, memory, rows), STATUS_OK);
     for (unsigned k = 0; k < 60; k++) {
-        struct tick_input in = {.fresh = true, .sequence = (uint8_t)(k & 15), .acknowledge = k == 25};
+        struct tick_input in[TICK_INSTRUMENTS] = {
+            {.fresh = true, .sequence = (uint8_t)(k & 15), .acknowledge = k == 25}};
         for (int a = 0; a < 3; a++) {
             const struct bank_axis *axis = &view->tools[0].axis[a];
-            in.counts[a] = (uint16_t)((axis->count_zero + (a == 2 ? 30 * k : 0)) % axis->count_modulus);
+            in[0].counts[a] = (uint16_t)((axis->count_zero + (a == 2 ? 30 * k : 0)) % axis->count_modulus);
         }
-        tick(&c, view, &in, &out);
+        tick(&c, view, in, out);
         for (int a = 0; a < 3; a++)
-            assert_true(isfinite(out.torque[a]));
+            assert_true(isfinite(out[0].torque[a]));
     }
     free(memory);
 }

@@ -227,13 +227,14 @@ static void no_speed_tunnels(void **state)
             continue;
         unsigned inside = 0, entries = 0, lost = 0;
         for (unsigned s = 0; s < 4; s++) {
-            struct collide c = {.count = 0};
+            struct collide c = {.count = 1, .tool = {{.count = 1}}};
             float p[1][3];
             double direction[3] = {1, 0, 0};
             do
                 random_point(&b, 0.2, p[0]);
             while (winding(&b, p[0]) > 0.5);
-            collide_update(&c, &b.bank, p[0], (const float(*)[3])p, 1);
+            collide_begin(&c);
+            collide_update(&c, &b.bank, 0, p[0], (const float(*)[3])p);
             bool was_inside = false;
             for (int n = 0; n < STEPS / 4; n++) {
                 double length = 0;
@@ -246,7 +247,8 @@ static void no_speed_tunnels(void **state)
                     direction[k] /= sqrt(length);
                     p[0][k] += (float)(1e-3 * speed_m_s[s] * direction[k]);
                 }
-                collide_update(&c, &b.bank, p[0], (const float(*)[3])p, 1);
+                collide_begin(&c);
+                collide_update(&c, &b.bank, 0, p[0], (const float(*)[3])p);
                 double w = winding(&b, p[0]);
                 bool now = w > 0.5;
                 entries += now && !was_inside;
@@ -278,7 +280,7 @@ static void contacts_end_when_the_tool_is_back_outside(void **state)
         unsigned stuck = 0, judged = 0, deep = 0;
         uint32_t cut = 0;
         for (int trip = 0; trip < STEPS / 200; trip++) {
-            struct collide c = {.count = 0};
+            struct collide c = {.count = 1, .tool = {{.count = 1}}};
             float start[3], p[1][3];
             double length = 0, out[3];
             for (int k = 0; k < 3; k++) { /* from well outside, in any direction */
@@ -287,7 +289,8 @@ static void contacts_end_when_the_tool_is_back_outside(void **state)
             }
             for (int k = 0; k < 3; k++)
                 start[k] = p[0][k] = (float)(0.5 * (b.low[k] + b.high[k]) + b.size * out[k] / sqrt(length));
-            collide_update(&c, &b.bank, start, (const float(*)[3])p, 1);
+            collide_begin(&c);
+            collide_update(&c, &b.bank, 0, start, (const float(*)[3])p);
             unsigned legs = 2 + random_below(4), entries = 0;
             for (unsigned leg = 0; leg <= legs; leg++) {
                 float to[3];
@@ -305,7 +308,8 @@ static void contacts_end_when_the_tool_is_back_outside(void **state)
                     for (int k = 0; k < 3; k++)
                         p[0][k] = from[k] + (to[k] - from[k]) * (float)n / (float)steps;
                     bool before = c.point[0].touching;
-                    collide_update(&c, &b.bank, start, (const float(*)[3])p, 1);
+                    collide_begin(&c);
+                    collide_update(&c, &b.bank, 0, start, (const float(*)[3])p);
                     entries += !before && c.point[0].touching;
                     deep += c.point[0].touching && c.point[0].depth_m > 0.03;
                 }

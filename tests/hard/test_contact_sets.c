@@ -273,10 +273,10 @@ static void press(const struct bench *b, const struct set *s, unsigned tool, str
         }
     }
     for (int a = 0; a < 3; a++) {
-        assert_true(isfinite(contacts.force_N[a]));
+        assert_true(isfinite(contacts.force_N[0][a]));
         for (int c = 0; c < m; c++)
             assert_true(isfinite(contacts.contact[c].displacement_m[a]));
-        worst->force_N = fmax(worst->force_N, fabs((double)contacts.force_N[a]));
+        worst->force_N = fmax(worst->force_N, fabs((double)contacts.force_N[0][a]));
     }
     complementarity(A, d, m, contacts.active, p);
     worst->pressing = fmax(worst->pressing, apart(m, pressure, p));

@@ -80,7 +80,7 @@ static inline bool loop_tick(struct loop *l)
     const struct controller *c = &node->controller;
     const struct bank_contact *limits = l->bank.view.contact;
     const struct bank_tool *tool = &l->bank.view.tools[0];
-    const float *f = c->coupling.force_N;
+    const float *f = c->instrument[0].coupling.force_N;
     float change[3] = {f[0] - l->last_force[0], f[1] - l->last_force[1], f[2] - l->last_force[2]};
     memcpy(l->last_force, f, sizeof l->last_force);
     assert_true(isfinite(f[0]) && isfinite(f[1]) && isfinite(f[2]));
@@ -93,12 +93,12 @@ static inline bool loop_tick(struct loop *l)
     float decay = limits->force_limit_N * 1e-3f / limits->decay_s, rate = limits->force_rate_N_s * 1e-3f;
     assert_true(step <= (rate > decay ? rate : decay) * rounding);
     for (int k = 0; k < 3; k++) {
-        assert_true(fabsf(node->output.torque[k]) <= tool->axis[k].effort_limit);
-        if (!node->output.enable)
-            assert_true(node->output.torque[k] == 0);
+        assert_true(fabsf(node->instrument[0].output.torque[k]) <= tool->axis[k].effort_limit);
+        if (!node->instrument[0].output.enable)
+            assert_true(node->instrument[0].output.torque[k] == 0);
     }
-    if (node->output.enable)
-        assert_true(c->safety.state == SAFETY_RUN || c->safety.state == SAFETY_SAFE);
+    if (node->instrument[0].output.enable)
+        assert_true(c->instrument[0].safety.state == SAFETY_RUN || c->instrument[0].safety.state == SAFETY_SAFE);
     return true;
 }
 
@@ -124,12 +124,12 @@ static inline void loop_end(struct loop *l)
 
 static inline enum safety_state loop_state(const struct loop *l)
 {
-    return session_node(l->session)->controller.safety.state;
+    return session_node(l->session)->controller.instrument[0].safety.state;
 }
 
 static inline float loop_force(const struct loop *l)
 {
-    return loop_length(session_node(l->session)->controller.coupling.force_N);
+    return loop_length(session_node(l->session)->controller.instrument[0].coupling.force_N);
 }
 
 #endif

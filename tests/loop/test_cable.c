@@ -63,7 +63,7 @@ struct ledger {
 static struct ledger read_ledger(void)
 {
     const struct node *node = session_node(l.session);
-    const struct safety *s = &node->controller.safety;
+    const struct safety *s = &node->controller.instrument[0].safety;
     const struct device_node *device = (const struct device_node *)session_device(l.session, 0); /* its first member */
     const struct link *link = session_link(l.session, 0);
     const struct bus_statistics *bus = bus_statistics(session_bus(l.session));
@@ -101,8 +101,8 @@ static struct ledger since(const struct ledger *now, const struct ledger *before
 /* One tick; in SAFE, and without a usable sample, the force does not grow. */
 static void one(void)
 {
-    const struct telemetry *t = &session_node(l.session)->telemetry;
-    const struct safety *s = &session_node(l.session)->controller.safety;
+    const struct telemetry *t = &session_node(l.session)->instrument[0].telemetry;
+    const struct safety *s = &session_node(l.session)->controller.instrument[0].safety;
     const float before = loop_force(&l);
     const uint32_t missed = s->missed;
     const bool safe = s->state == SAFETY_SAFE;
@@ -216,7 +216,7 @@ static void check_alone(const struct row *row, const struct ledger *d)
 static void run_row(const struct row *row)
 {
     struct ledger before, after, d;
-    const float *f = session_node(l.session)->controller.coupling.force_N;
+    const float *f = session_node(l.session)->controller.instrument[0].coupling.force_N;
     const float held[3] = {f[0], f[1], f[2]};
     const uint64_t silences = session_device(l.session, 0)->silences;
     l.largest_change_N = 0;
@@ -324,7 +324,7 @@ static void any_silence_is_bounded_counted_and_recovered_from(void **state)
     for (size_t i = 0; i < sizeof cuts / sizeof cuts[0]; i++) {
         const struct row row = {
             cuts[i].name, "silent", {.drop = 1, .id_from = cuts[i].from, .id_to = cuts[i].to}, cuts[i].ticks};
-        const uint32_t entries = session_node(l.session)->controller.safety.safe_entries;
+        const uint32_t entries = session_node(l.session)->controller.instrument[0].safety.safe_entries;
         /* look at the motors at the silence's end: run it once for that, without the ledger */
         bus_inject(session_bus(l.session), &row.faults);
         run(row.ticks);
@@ -333,7 +333,7 @@ static void any_silence_is_bounded_counted_and_recovered_from(void **state)
             effort = fmax(effort, fabs(session_device(l.session, 0)->effort[k]));
         assert_true(cuts[i].motors_off ? effort < 2e-3 : effort > 0.1); /* 2 mN: the motors' lag after 10 ms */
         assert_int_equal(loop_state(&l), cuts[i].safe ? SAFETY_SAFE : SAFETY_RUN);
-        assert_int_equal(session_node(l.session)->controller.safety.safe_entries - entries, cuts[i].safe);
+        assert_int_equal(session_node(l.session)->controller.instrument[0].safety.safe_entries - entries, cuts[i].safe);
         bus_inject(session_bus(l.session), NULL);
         run(DRAIN_TICKS);
         recover();
@@ -352,12 +352,12 @@ static void a_controller_that_resets_in_contact_is_silent_until_started(void **s
     for (int n = 0; n < 5; n++) {
         struct node *node = (struct node *)session_node(l.session);
         const float held = loop_force(&l);
-        assert_int_equal(node_start(node, &l.bank.view, 0, SESSION_NODE, NULL, 0), STATUS_OK);
+        assert_int_equal(node_start(node, &l.bank.view, SESSION_NODE, NULL, 0), STATUS_OK);
         memset(l.last_force, 0, sizeof l.last_force); /* it has none */
         for (int t = 0; t < 300 + 37 * n; t++) {
             one();
             assert_true(loop_state(&l) == SAFETY_INIT || loop_state(&l) == SAFETY_READY);
-            assert_true(loop_force(&l) == 0 && !node->output.enable);
+            assert_true(loop_force(&l) == 0 && !node->instrument[0].output.enable);
             assert_true(t < 2 || !session_device(l.session, 0)->enabled);
         }
         assert_int_equal(loop_state(&l), SAFETY_READY);

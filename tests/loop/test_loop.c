@@ -93,11 +93,11 @@ static void torques_do_the_work_of_the_force(void **state)
     while (loop_tick(&l)) {
         const struct node *node = session_node(l.session);
         const struct controller *c = &node->controller;
-        if (c->safety.state != SAFETY_RUN || loop_force(&l) == 0)
+        if (c->instrument[0].safety.state != SAFETY_RUN || loop_force(&l) == 0)
             continue;
         struct device pose = *session_device(l.session, 0);
         for (int k = 0; k < 3; k++)
-            pose.joint[k] = (double)c->kinematics.joint[k]; /* the pose that the encoders told */
+            pose.joint[k] = (double)c->instrument[0].kinematics.joint[k]; /* the pose that the encoders told */
         for (int k = 0; k < 3; k++) {
             double velocity[3], work = 0, weight = 0;
             memset(pose.speed, 0, sizeof pose.speed);
@@ -106,14 +106,14 @@ static void torques_do_the_work_of_the_force(void **state)
             for (int i = 0; i < 3; i++)
                 for (int j = 0; j < 3; j++) {
                     double R = (double)tool->rotation[3 * i + j];
-                    work += R * velocity[j] * (double)c->coupling.force_N[i];
+                    work += R * velocity[j] * (double)c->instrument[0].coupling.force_N[i];
                     weight += k < 2 ? R * velocity[j] / pose.joint[2] * (double)tool->gravity_direction[i] : 0;
                 }
             /* the motor hangs gravity_arm behind the trocar: what holds it is W arm g . ds/dq */
-            weight *= (double)(tool->gravity_N * tool->gravity_arm_m * c->coupling.gravity_share);
+            weight *= (double)(tool->gravity_N * tool->gravity_arm_m * c->instrument[0].coupling.gravity_share);
             double scale = (double)loop_force(&l) + (double)tool->gravity_N;
             /* single precision, some ten operations on terms of the size of the force times 0.2 m or 1 */
-            assert_true(fabs((double)node->output.torque[k] - work - weight) <= 2e-6 * scale);
+            assert_true(fabs((double)node->instrument[0].output.torque[k] - work - weight) <= 2e-6 * scale);
         }
         checked++;
     }
@@ -134,7 +134,7 @@ static void hand_and_tissue_balance_at_rest(void **state)
         ;
     const struct device *device = session_device(l.session, 0);
     const struct bank_tool *tool = &l.bank.view.tools[0];
-    const float *f = session_node(l.session)->controller.coupling.force_N;
+    const float *f = session_node(l.session)->controller.instrument[0].coupling.force_N;
     assert_true(loop_force(&l) > 0.1f);
     struct device pose = *device;
     for (int k = 0; k < 3; k++) {
@@ -236,7 +236,7 @@ static void sliding_force_does_not_jump(void **state)
     bool touching = false;
     while (loop_tick(&l)) {
         const struct controller *c = &session_node(l.session)->controller;
-        const float *f = c->contact.force_N, *x = c->kinematics.tip_m;
+        const float *f = c->contact.force_N[0], *x = c->instrument[0].kinematics.tip_m;
         float change[3] = {f[0] - last[0], f[1] - last[1], f[2] - last[2]};
         float moved[3] = {x[0] - tip[0], x[1] - tip[1], x[2] - tip[2]};
         memcpy(last, f, sizeof last);

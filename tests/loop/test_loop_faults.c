@@ -26,7 +26,7 @@ static void only(struct loop *l, struct bus_faults faults, uint32_t id)
 
 static const struct safety *safety(const struct loop *l)
 {
-    return &session_node(l->session)->controller.safety;
+    return &session_node(l->session)->controller.instrument[0].safety;
 }
 
 /* Ticks in which a force F decays below the millinewton at which it is zero, F (1 - 1 ms/decay)^n < 1 mN; the gravity
@@ -259,7 +259,7 @@ static void corrupt_torques_are_refused_by_the_device(void **state)
     for (int t = 0; t < 3000; t++) {
         loop_run(&l, 1);
         const double *command = session_device(l.session, 0)->command;
-        const float *said = session_node(l.session)->output.torque;
+        const float *said = session_node(l.session)->instrument[0].output.torque;
         uint32_t now = session_device(l.session, 0)->commands_received;
         for (int k = 0; k < 3 && now > received && session_device(l.session, 0)->enabled; k++) {
             double quantum = k < 2 ? (double)WIRE_TORQUES_ALPHA_SCALE : (double)WIRE_TORQUES_INSERTION_SCALE;

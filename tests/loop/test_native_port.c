@@ -117,7 +117,8 @@ static void torque_frames_equal_those_of_the_same_objects_here(void **state)
         if (r.kind != LOCKSTEP_TIME)
             continue;
         time_us = r.u.time_us;
-        if (time_us % 1000 == 500 && !b.node.answered && random_below(50)) { /* the device answers, but for 2 % */
+        if (time_us % 1000 == 500 && !b.node.instrument[0].answered &&
+            random_below(50)) { /* the device answers, but for 2 % */
             if (ticks > 100)
                 depth = 0.112 + 0.012 * sin(ticks / 150.0);
             struct wire_encoders m = bench_counts(&b, 0.05 * sin(ticks / 300.0), 0.02, depth);

@@ -88,7 +88,7 @@ static void on_a_bus(bool wrong, const char *gesture)
     struct bus *bus = bus_create(1000000);
     const int port = bus_attach(bus, ignore, &node);
     assert_int_equal(backend_soft(bus, NULL, &backend, &why), STATUS_OK);
-    assert_int_equal(node_start(&node, wrong ? &other : &l.bank.view, 0, SESSION_NODE, NULL, 0), STATUS_OK);
+    assert_int_equal(node_start(&node, wrong ? &other : &l.bank.view, SESSION_NODE, NULL, 0), STATUS_OK);
     int status = 0;
     for (uint64_t tick = 0; status == 0; tick++) {
         assert_true(tick <= replay.tick_count);
@@ -107,7 +107,7 @@ static void on_a_bus(bool wrong, const char *gesture)
     assert_int_equal(status, 1);
     assert_int_equal(replay.agreed + replay.differed, l.result.ticks);
     assert_int_equal(replay.unanswered + replay.no_room + replay.not_recorded, 0);
-    assert_int_equal(node.controller.safety.missed, 0);
+    assert_int_equal(node.controller.instrument[0].safety.missed, 0);
     if (wrong)
         assert_true(replay.differed > 100 && replay.agreed > 100 && replay.line > 0);
     else

@@ -152,7 +152,7 @@ static int count(struct recorder *r, struct failure *why)
     if (!answers || !ticks || (bytes && !rows))
         status = failure_set(why, STATUS_FILE_WRITE, r->ticks_path, NULL, "cannot be written, or no memory");
     if (!status)
-        status = node_start(&node, &r->bank.view, 0, SESSION_NODE, rows, bytes);
+        status = node_start(&node, &r->bank.view, SESSION_NODE, rows, bytes);
     if (!status)
         fprintf(ticks, "tick,state,contacts,factors,work,rows,products,held,waiting\n");
     for (bool more = !status; more;) {
@@ -166,7 +166,7 @@ static int count(struct recorder *r, struct failure *why)
             break;
         node_finish_tick(&node);
         bool touched = c->rows.tick != before.rows.tick;
-        fprintf(ticks, "%u,%d,%u,%u,%u,%u,%u,%u,%u\n", c->tick_count, (int)c->safety.state,
+        fprintf(ticks, "%u,%d,%u,%u,%u,%u,%u,%u,%u\n", c->tick_count, (int)c->instrument[0].safety.state,
                 touched ? c->contact.count : 0, touched ? c->contact.factors : 0, touched ? c->rows.work : 0,
                 c->rows.rows_read - before.rows.rows_read, c->rows.products - before.rows.products,
                 c->contact.held - before.contact.held, c->contact.waiting - before.contact.waiting);

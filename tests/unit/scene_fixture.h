@@ -38,7 +38,7 @@ static const char scene_full[] =
     "  - name: right\n"
     "    trocar: {at: [0, 0, 0.2], axis: [0, 0, -1]}\n"
     "    length: 0.12..0.22 m\n"
-    "    tip: {radius: 4 mm, points: 16}\n"
+    "    tip: {radius: 4 mm, points: 9}\n"
     "    device: impulse-engine\n"
     "    coupling: {stiffness: 0.8 N/mm, damping: 0.2 N s/m}\n"
     "    force_limit: 5000 mN\n"

@@ -67,10 +67,9 @@ static const char *pack_to_file(struct body_in *b, const char *provenance)
     struct pack pack;
     size_t length;
     unsigned char *bytes = bank_fixture(NULL, &length); /* its contact and tool records */
-    assert_int_equal(pack_prepare(&pack, &b->mesh, &b->surface, b->fixed, 2, &why), STATUS_OK);
+    assert_int_equal(pack_prepare(&pack, &b->mesh, &b->surface, b->fixed, 1, &why), STATUS_OK);
     memcpy(&pack.contact, bytes + bank_fixture_section(bytes, BANK_CONT)->offset, sizeof pack.contact);
-    for (int i = 0; i < 2; i++)
-        memcpy(&pack.tool[i], bytes + bank_fixture_section(bytes, BANK_TOOL)->offset, sizeof pack.tool[i]);
+    memcpy(&pack.tool[0], bytes + bank_fixture_section(bytes, BANK_TOOL)->offset, sizeof pack.tool[0]);
     assert_int_equal(file_begin(&writer, path, &why), STATUS_OK);
     assert_int_equal(pack_write(&pack, &b->compliance, NULL, &writer, true, &why), STATUS_OK);
     assert_int_equal(writer.length, pack.bytes);
@@ -98,7 +97,7 @@ static void every_section_is_what_went_in(void **state)
     assert_int_equal(v->vertex_count, b.surface.vertex_count);
     assert_int_equal(v->triangle_count, b.surface.triangle_count);
     assert_int_equal(v->row_count, b.compliance.rows);
-    assert_int_equal(v->tool_count, 2);
+    assert_int_equal(v->tool_count, 1);
     assert_int_equal(v->header->mesh_hash, b.mesh.file_hash);
     for (size_t k = 0; k < 3 * b.surface.vertex_count; k++) {
         assert_true(v->positions[k] == (float)b.mesh.nodes[3 * b.surface.node[k / 3] + k % 3]);

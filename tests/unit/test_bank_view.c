@@ -148,8 +148,8 @@ static void table_rules(void **state)
     refused(STATUS_BANK_LENGTH, BANK_NORM, 1);
     s[1].length = 0xFFFFFFF1; /* the padded length wraps to 0 */
     refused(STATUS_BANK_LENGTH, BANK_NORM, 1);
-    s[7].length -= 16; /* bytes behind the last section */
-    refused(STATUS_BANK_LENGTH, 0, 8);
+    s[8].length -= 16; /* bytes behind the last section */
+    refused(STATUS_BANK_LENGTH, 0, 9);
     s[1].flags = 4;
     refused(STATUS_BANK_SECTION, BANK_NORM, 1);
     s[1].flags = BANK_REQUIRED | BANK_HOST_ONLY;
@@ -205,15 +205,17 @@ static void optional_unknown_sections_are_skipped(void **state)
 {
     (void)state;
     struct bank_section *s = (struct bank_section *)(pristine + sizeof(struct bank_header));
-    struct fixture_part part[10];
+    struct fixture_part part[11];
     size_t more;
     char text[21] = "what is not known yet";
     part[0] = (struct fixture_part){BANK_TAG('F', 'U', 'T', '1'), 0, 9, 3, sizeof text, text};
-    for (int k = 0; k < 8; k++)
+    for (int k = 0; k < 9; k++)
         part[k + 1] =
             (struct fixture_part){s[k].tag, s[k].flags, s[k].version, s[k].count, s[k].length, pristine + s[k].offset};
-    part[9] = (struct fixture_part){BANK_TAG('F', 'U', 'T', '2'), BANK_HOST_ONLY, 1, 0, 0, text};
-    unsigned char *extended = bank_fixture_join(part, 10, &more);
+    part[10] = (struct fixture_part){BANK_TAG('F', 'U', 'T', '2'), BANK_HOST_ONLY, 1, 0, 0, text};
+    unsigned char *extended = bank_fixture_join(part, 11, &more);
+    ((struct bank_header *)extended)->effects = EFFECT_SECOND;
+    bank_fixture_seal(extended, more);
     struct bank_view view;
     assert_int_equal(bank_view_open(&view, extended, more), STATUS_OK);
     assert_int_equal(bank_view_section(&view, BANK_TAG('F', 'U', 'T', '1'))->length, sizeof text);

@@ -134,7 +134,7 @@ static void record_spreads_over_a_run_of_any_length(void **state)
         struct contact_set set = {.count = 1};
         fem_record_start(&record, 0);
         for (uint64_t t = 0; t < lengths[n]; t++) {
-            set.force_N[0] = t == lengths[n] * 2 / 3 ? 5.0f : 1.0f;
+            set.force_N[0][0] = t == lengths[n] * 2 / 3 ? 5.0f : 1.0f;
             fem_record_tick(&record, &set, NULL, NULL, 10 + t);
         }
         assert_int_equal(record.contact_ticks, lengths[n]);

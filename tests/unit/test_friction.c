@@ -12,6 +12,10 @@
 #include "real.h"
 #include "tick_bench.h"
 
+/* Of the problem at hand (cone_fixture.h). */
+static float block[CONTACT_PAIRS][9];
+static const float (*const blocks)[9] = (const float (*)[9])block;
+
 static double outside(const struct cone_system *s, double mu)
 {
     double worst = 0;
@@ -40,13 +44,13 @@ static void the_force_is_in_its_cone_after_any_number_of_sweeps(void **state)
         static struct cone_system s, again;
         double mu = random_below(8) ? random_range(0, 1.5) : 0;
         cone_problem_random(&p, 1 + random_below(16), mu, 0.005, random_range(1e-4, 0.01));
-        cone_problem_round(&p, &s);
+        cone_problem_round(&p, &s, block);
         for (unsigned c = 0; c < s.count; c++) /* anything may be left of the last tick */
             for (int a = 0; a < 3; a++)
                 s.contact[c].force_N[a] = (float)random_range(-1, 1);
         for (unsigned k = 0; k < 6; k++) {
             again = s;
-            cone_solve(&again, sweeps[k]);
+            cone_solve(&again, blocks, sweeps[k]);
             assert_true(again.sweeps <= sweeps[k]);
             worst = fmax(worst, outside(&again, p.mu));
         }
@@ -85,7 +89,7 @@ static void the_error_left_by_a_bound_of_sweeps_is_small_on_a_stroke(void **stat
         double push[3] = {random_range(-2e-4, 2e-4), random_range(-2e-4, 2e-4), 0};
         cone_problem_random(&p, POINTS, 0.2, 0.005, 0);
         for (int k = 0; k < 4; k++)
-            cone_problem_round(&p, &s[k]);
+            cone_problem_round(&p, &s[k], block);
         for (int tick = 0; tick < TICKS; tick++) {
             double f[CONE_UNKNOWNS];
             push[2] = tick < TICKS / 2 ? 2e-4 : 0;
@@ -101,7 +105,7 @@ static void the_error_left_by_a_bound_of_sweeps_is_small_on_a_stroke(void **stat
             if (ask)
                 failure = fmax(failure, cone_reference(&p, f));
             for (int k = 0; k < 4; k++) {
-                cone_solve(&s[k], sweeps[k]);
+                cone_solve(&s[k], blocks, sweeps[k]);
                 double error = ask ? resultant_error(&s[k], f) : 0;
                 worst[k] = fmax(worst[k], error);
                 mean[k] += error / (STROKES * TICKS / 6);
@@ -127,10 +131,10 @@ static void forces_at_rest_are_those_of_another_method(void **state)
         static struct cone_system s;
         double f[CONE_UNKNOWNS];
         cone_problem_random(&p, 1 + random_below(16), random_range(0.02, 1), 0.005, random_range(1e-3, 0.01));
-        cone_problem_round(&p, &s);
+        cone_problem_round(&p, &s, block);
         failure = fmax(failure, cone_reference(&p, f));
         for (int k = 0; k < 40; k++)
-            cone_solve(&s, BANK_MAX_SWEEPS);
+            cone_solve(&s, blocks, BANK_MAX_SWEEPS);
         double error = resultant_error(&s, f);
         worst = fmax(worst, error);
     }
@@ -149,7 +153,7 @@ static void without_friction_the_forces_are_those_of_the_frictionless_solver(voi
         float A[CONTACT_MAX][CONTACT_MAX], d[CONTACT_MAX], pressure[CONTACT_MAX];
         double sum = 0, wanted = 0;
         cone_problem_random(&p, 1 + random_below(16), 0, 0.005, random_range(1e-3, 0.01));
-        cone_problem_round(&p, &s);
+        cone_problem_round(&p, &s, block);
         for (unsigned c = 0; c < p.m; c++) {
             d[c] = 0;
             for (int a = 0; a < 3; a++)
@@ -166,7 +170,7 @@ static void without_friction_the_forces_are_those_of_the_frictionless_solver(voi
         contact_solve((const float(*)[CONTACT_MAX])A, d, p.m, CONTACT_MAX_FACTORS, &active, pressure, &cut);
         assert_false(cut);
         for (int k = 0; k < 40; k++)
-            cone_solve(&s, BANK_MAX_SWEEPS);
+            cone_solve(&s, blocks, BANK_MAX_SWEEPS);
         for (unsigned c = 0; c < p.m; c++) {
             sum += (double)pressure[c];
             for (int a = 0; a < 3; a++)
@@ -188,9 +192,9 @@ static void a_held_contact_has_no_cone(void **state)
         double f[3];
         cone_problem_random(&p, 1, 0.2, 0.005, 0.005);
         p.d[2] = -p.d[2]; /* pulls */
-        cone_problem_round(&p, &s);
+        cone_problem_round(&p, &s, block);
         s.contact[0].mu = CONE_HELD;
-        cone_solve(&s, 1);
+        cone_solve(&s, blocks, 1);
         for (int a = 0; a < 3; a++) { /* A f = d */
             f[a] = 0;
             for (int b = 0; b < 3; b++)
@@ -252,7 +256,7 @@ static void a_point_on_a_flat_body_sticks_and_slips_as_a_spring_behind_a_slider(
         const struct contact *c = &at(&b)->contact.contact[0];
         lift += 0.3 * (depth - c->depth_m); /* the body's facets slope a little: a hand that keeps the depth */
         way = at(&b)->collide.point[0].position_m[0] - x0;
-        f = at(&b)->contact.force_N[0];
+        f = at(&b)->contact.force_N[0][0];
         normal = c->pressure_N;
         /* the slider follows so that the spring never pulls more than mu p */
         double bound = mu * normal * compliance;
@@ -295,7 +299,7 @@ static void a_resting_contact_does_not_creep(void **state)
     for (int i = 0; i < 100; i++)
         bench_tick(&b, 0.03, 0, 0.125);
     float first[3], off = 0;
-    memcpy(first, at(&b)->contact.force_N, sizeof first);
+    memcpy(first, at(&b)->contact.force_N[0], sizeof first);
     for (int i = 0; i < 20000; i++) {
         bench_tick(&b, 0.03 + 1.2e-4 * random_below(2), 1.2e-4 * random_below(2), 0.125);
         if (i % 1000 == 999)
@@ -304,7 +308,7 @@ static void a_resting_contact_does_not_creep(void **state)
     for (int i = 0; i < 10; i++)
         bench_tick(&b, 0.03, 0, 0.125);
     for (int a = 0; a < 3; a++)
-        off = fmaxf(off, fabsf(at(&b)->contact.force_N[a] - first[a]));
+        off = fmaxf(off, fabsf(at(&b)->contact.force_N[0][a] - first[a]));
     printf("# after 20000 ticks of flicker the force is off by %.1e N of %.2f N\n", (double)off,
            sqrt((double)real_dot(first, first)));
     /* The flicker itself is some 15 um of way: at most what one count moves the force, 15 um times a stiffness of 60 N/m. */
@@ -329,13 +333,13 @@ static void no_closed_way_gives_energy(void **state)
         double p1 = random_range(150, 600), p2 = random_range(150, 600), p3 = random_range(200, 800);
         double energy = 0, taken = 0;
         float tip[3], force[3];
-        memcpy(tip, at(&b)->kinematics.tip_m, sizeof tip);
+        memcpy(tip, at(&b)->instrument[0].kinematics.tip_m, sizeof tip);
         memset(force, 0, sizeof force);
         for (int i = 0; i < 6000; i++) {
             double in = 0.5 - 0.5 * cos(2 * 3.14159265358979 * i / 6000);
             bench_tick(&b, 0.12 * in * sin(i / p1), 0.12 * in * sin(i / p2),
                        0.10 + in * (0.024 + 0.004 * sin(i / p3))); /* to 13 mm deep on a radius of 50 mm */
-            const float *now = at(&b)->contact.force_N, *to = at(&b)->kinematics.tip_m;
+            const float *now = at(&b)->contact.force_N[0], *to = at(&b)->instrument[0].kinematics.tip_m;
             for (int a = 0; a < 3; a++) {
                 energy -= 0.5 * (double)(now[a] + force[a]) * (double)(to[a] - tip[a]);
                 tip[a] = to[a];
@@ -370,8 +374,8 @@ static void next_to_no_friction_is_the_frictionless_path(void **state)
         bench_tick(&with, -0.1 + 0.2 * i / 4000, 0.03 * sin(i / 500.0), in);
         bench_tick(&without, -0.1 + 0.2 * i / 4000, 0.03 * sin(i / 500.0), in);
         for (int a = 0; a < 3; a++) {
-            worst = fmax(worst, fabs((double)at(&with)->contact.force_N[a] - at(&without)->contact.force_N[a]));
-            peak = fmax(peak, fabs((double)at(&without)->contact.force_N[a]));
+            worst = fmax(worst, fabs((double)at(&with)->contact.force_N[0][a] - at(&without)->contact.force_N[0][a]));
+            peak = fmax(peak, fabs((double)at(&without)->contact.force_N[0][a]));
         }
     }
     printf("# off by %.1e N of %.2f N\n", worst, peak);

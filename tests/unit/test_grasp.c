@@ -48,7 +48,7 @@ static void rig_tick(struct rig *r)
     sample.grip = (uint8_t)r->grip;
     bench_send_sample(b, sample);
     bench_finish(b);
-    assert_int_equal(controller(r)->safety.state, SAFETY_RUN);
+    assert_int_equal(controller(r)->instrument[0].safety.state, SAFETY_RUN);
 }
 
 /* In `ticks`, to this insertion and these angles. */
@@ -66,7 +66,7 @@ static void go(struct rig *r, double at_m, double alpha, double beta, int ticks)
 static void force(struct rig *r, double f[3])
 {
     for (int a = 0; a < 3; a++)
-        f[a] = (double)controller(r)->contact.force_N[a];
+        f[a] = (double)controller(r)->contact.force_N[0][a];
 }
 
 static double distance(const double a[3], const double b[3])
@@ -170,7 +170,7 @@ static void the_set_is_kept_while_the_jaws_are_closed(void **state)
         }
     }
     assert_true(controller(&r)->contact.count >= count);
-    assert_true(controller(&r)->contact.force_N[2] < 0); /* the tissue pulls the tool back */
+    assert_true(controller(&r)->contact.force_N[0][2] < 0); /* the tissue pulls the tool back */
     r.grip = 0;
     rig_tick(&r);
     const double none[3] = {0};
@@ -221,7 +221,7 @@ static void a_grip_between_the_thresholds_changes_nothing(void **state)
     for (int i = 0; i < 20; i++) {
         r.grip = 26 + (unsigned)(i % 38);
         rig_tick(&r);
-        assert_true(controller(&r)->grasp.closed);
+        assert_true(controller(&r)->grasp.jaws[0].closed);
     }
     assert_int_equal(controller(&r)->grasp.taken, taken);
     bench_close(&r.bench);

@@ -112,7 +112,7 @@ static void any_frame_at_all_is_survived_with_bounded_torque(void **state)
         assert_true(fabs(b.torques.alpha * 1e-4) <= b.bank.tools[0].axis[0].effort_limit + 1e-4);
         assert_true(fabs(b.torques.insertion * 1e-3) <= b.bank.tools[0].axis[2].effort_limit + 1e-3);
     }
-    const struct safety *s = &b.node.controller.safety;
+    const struct safety *s = &b.node.controller.instrument[0].safety;
     printf("# ignored %u malformed %u implausible %u duplicates %u out of sequence %u missed %u\n",
            b.node.frames_ignored, b.node.frames_malformed, s->implausible, s->duplicates, s->out_of_sequence,
            s->missed);
@@ -136,8 +136,8 @@ static void of_several_samples_in_a_tick_the_newest_counts(void **state)
         node_receive(&b.node, &frame);
     }
     bench_finish(&b);
-    assert_true(fabs(b.node.controller.kinematics.joint[2] - 0.1002) < 2.3e-5);
-    assert_int_equal(b.node.controller.safety.out_of_sequence, 1);
+    assert_true(fabs(b.node.controller.instrument[0].kinematics.joint[2] - 0.1002) < 2.3e-5);
+    assert_int_equal(b.node.controller.instrument[0].safety.out_of_sequence, 1);
     bench_close(&b);
 }
 

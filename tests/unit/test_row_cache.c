@@ -137,14 +137,14 @@ static void open_bench(struct bench *b, unsigned char *bytes, size_t length)
     assert_int_equal(bank_view_open(&b->bank, bytes, length), STATUS_OK);
     size_t rows = row_cache_memory(&b->bank);
     b->rows = rows ? malloc(rows) : NULL;
-    assert_int_equal(node_start(&b->node, &b->bank, 0, 1, b->rows, rows), STATUS_OK);
+    assert_int_equal(node_start(&b->node, &b->bank, 1, b->rows, rows), STATUS_OK);
     node_transmit(&b->node, &b->boot);
 }
 
 static void force_of(const struct bench *b, double f[3])
 {
     for (int k = 0; k < 3; k++)
-        f[k] = (double)b->node.controller.contact.force_N[k];
+        f[k] = (double)b->node.controller.contact.force_N[0][k];
 }
 
 /* Press, slide at 0.3 m/s, and jump between places: the same forces as with everything at hand, but for the ticks after
@@ -222,7 +222,7 @@ static void a_factor_bank_feels_like_a_plain_one(void **state)
             size += f[1][k] * f[1][k];
         memcpy(from, q, sizeof from);
         slowest = ticks > slowest ? ticks : slowest;
-        assert_int_equal(b[0].node.controller.safety.state, SAFETY_RUN);
+        assert_int_equal(b[0].node.controller.instrument[0].safety.state, SAFETY_RUN);
     }
     printf("# after a jump of the tool into the body the force is complete within %u ticks\n", slowest);
     assert_true(slowest <= 30);

@@ -46,7 +46,7 @@ static void every_key_arrives_in_SI_units(void **state)
     const struct scene_instrument *i = s.instrument;
     assert_true(i->placed && i->trocar_m[2] == 0.2 && i->axis[2] == -1);
     assert_true(i->length_min_m == 0.12 && i->length_max_m == 0.22);
-    assert_true(i->tip_radius_m == 0.004 && i->tip_points == 16);
+    assert_true(i->tip_radius_m == 0.004 && i->tip_points == 9);
     assert_true(i->coupling_stiffness_N_m == 800 && i->coupling_damping_Ns_m == 0.2 && i->force_limit_N == 5);
     assert_true(s.regularisation == 0.002 && s.solver_steps == 12);
     assert_true(s.budget_instructions == 240000 && s.budget_bank_bytes == 1572864 && s.budget_force_error == 0.005);
@@ -195,9 +195,11 @@ static const struct fault faults[] = {
     {"0.12..0.22 m", "0.12..0.32 m", STATUS_SCENE_VALUE, 22, "reaches 0.1..0.23 m"},
     {"0.12..0.22 m", "0.12 m", STATUS_SCENE_VALUE, 22, "A..B"},
     {"radius: 4 mm", "radius: 4 m", STATUS_SCENE_VALUE, 23, "radius = 4 m"},
-    {"points: 16", "points: 17", STATUS_SCENE_VALUE, 23, "from 1 to 16"},
-    {"points: 16", "points: 0", STATUS_SCENE_VALUE, 23, "from 1 to 16"},
-    {"points: 16", "points: 2.5", STATUS_SCENE_VALUE, 23, "whole number"},
+    {"points: 9", "points: 17", STATUS_SCENE_VALUE, 23, "from 1 to 16"},
+    {"points: 9", "points: 0", STATUS_SCENE_VALUE, 23, "from 1 to 16"},
+    {"points: 9", "points: 2.5", STATUS_SCENE_VALUE, 23, "whole number"},
+    {"points: 9", "points: 10", STATUS_SCENE_VALUE, 20, "17 points in all"},
+    {"effects: {}", "effects: {second: {}}", STATUS_SCENE_KEY, 29, "a second instrument names it"},
     {"device: impulse-engine", "device: omni", STATUS_SCENE_VALUE, 24, "this version has: impulse-engine"},
     {"0.8 N/mm", "20 N/mm", STATUS_SCENE_VALUE, 25, "stays passive up to"},
     {"0.2 N s/m", "7 N s/m", STATUS_SCENE_VALUE, 25, "must stay below"},

@@ -197,7 +197,7 @@ static void scenes_with_random_numbers_read_back(void **state)
         t->length_min_m = random_range(0.10, 0.15);
         t->length_max_m = random_range(0.16, 0.23);
         t->tip_radius_m = random_range(0.001, 0.05);
-        t->tip_points = 1 + random_below(16);
+        t->tip_points = 1 + random_below(8);
         t->coupling_stiffness_N_m = random_range(1, 800);
         t->coupling_damping_Ns_m = random_range(0.01, 0.5);
         t->force_limit_N = random_range(0.1, 8.9);

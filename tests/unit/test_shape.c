@@ -43,14 +43,16 @@ static const struct collide_point *move(struct world *w, const double x[3])
 {
     float at[1][3] = {{(float)x[0], (float)x[1], (float)x[2]}};
     shape_hide(&w->shape, &w->points);
-    collide_update(&w->points, &w->bank, w->apex_m, (const float(*)[3])at, 1);
+    w->points.count = w->points.tool[0].count = 1;
+    collide_begin(&w->points);
+    collide_update(&w->points, &w->bank, 0, w->apex_m, (const float(*)[3])at);
     shape_touch(&w->shape, &w->bank, &w->points);
     return &w->points.point[0];
 }
 
 static void forget(struct world *w)
 {
-    collide_forget(&w->points);
+    collide_forget(&w->points, 0);
     shape_forget(&w->shape, 0, 0, 16);
 }
 
@@ -533,7 +535,7 @@ static void the_force_of_a_sphere_is_its_depth_by_the_compliance(void **state)
         if (s->count == 0)
             continue;
         const struct contact *at = &s->contact[0];
-        double tip = (double)c->kinematics.joint[2], B = 0;
+        double tip = (double)c->instrument[0].kinematics.joint[2], B = 0;
         /* the pole is a vertex or lies on an edge: the anchor is at the sphere's own radius or a sagitta below */
         assert_true(fabs((double)at->depth_m - (tip - touch_m)) < 1e-6 + 0.0006);
         for (int i0 = 0; i0 < 3; i0++)

@@ -107,11 +107,11 @@ static double press(struct rig *r, double depth_m, int ticks, int hold, double *
     *largest_N = 0;
     for (int i = 1; i <= ticks + hold; i++) {
         bench_tick(b, 0, 0, i < ticks ? from + (to - from) * i / ticks : to);
-        const float *f = controller(r)->contact.force_N;
+        const float *f = controller(r)->contact.force_N[0];
         *largest_N = fmax(*largest_N, sqrt((double)f[0] * f[0] + (double)f[1] * f[1] + (double)f[2] * f[2]));
-        assert_int_equal(controller(r)->safety.state, SAFETY_RUN);
+        assert_int_equal(controller(r)->instrument[0].safety.state, SAFETY_RUN);
     }
-    const float *f = controller(r)->contact.force_N;
+    const float *f = controller(r)->contact.force_N[0];
     return sqrt((double)f[0] * f[0] + (double)f[1] * f[1] + (double)f[2] * f[2]);
 }
 
@@ -168,15 +168,15 @@ static void modes_that_claim_too_much_are_withheld(void **state)
         bench_tick(&r.bench, random_range(-0.01, 0.01), random_range(-0.01, 0.01), at);
         const struct controller *c = controller(&r);
         for (int a = 0; a < 3; a++) {
-            assert_true(isfinite(c->contact.force_N[a]));
-            most = fmax(most, fabs((double)c->contact.force_N[a]));
+            assert_true(isfinite(c->contact.force_N[0][a]));
+            most = fmax(most, fabs((double)c->contact.force_N[0][a]));
         }
         for (uint32_t k = 0; k < c->contact.count; k++)
             assert_true(c->contact.contact[k].pressure_N >= 0);
     }
     printf("# withheld in %u ticks; at most %.2f N\n", controller(&r)->swing.withheld, most);
     assert_true(controller(&r)->swing.withheld > 100);
-    assert_int_equal(controller(&r)->safety.nonfinite, 0);
+    assert_int_equal(controller(&r)->instrument[0].safety.nonfinite, 0);
     rig_close(&r);
 }
 

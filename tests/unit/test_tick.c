@@ -25,14 +25,15 @@ static void torque_frame_is_jt_of_the_rendered_force(void **state)
         bench_tick(&b, 0.05, -0.04, 0.10 + 0.03 * i / 600);
         const struct controller *c = &b.node.controller;
         const struct bank_tool *t = &b.bank.tools[0];
-        double a = c->kinematics.joint[0], bb = c->kinematics.joint[1], L = c->kinematics.joint[2];
+        double a = c->instrument[0].kinematics.joint[0], bb = c->instrument[0].kinematics.joint[1],
+               L = c->instrument[0].kinematics.joint[2];
         double sa = sin(a), sb = sin(bb), root = sqrt(1 - sa * sa - sb * sb), f[3] = {0}, g[3] = {0};
         for (int k = 0; k < 3; k++)
             for (int j = 0; j < 3; j++) {
-                f[k] += t->rotation[3 * j + k] * c->coupling.force_N[j];
+                f[k] += t->rotation[3 * j + k] * c->instrument[0].coupling.force_N[j];
                 g[k] += t->rotation[3 * j + k] * t->gravity_direction[j] * t->gravity_N * t->gravity_arm_m;
             }
-        double share = c->coupling.gravity_share;
+        double share = c->instrument[0].coupling.gravity_share;
         double want[3] = {L * cos(a) * (f[0] - f[2] * sa / root) + share * cos(a) * (g[0] - g[2] * sa / root),
                           L * cos(bb) * (f[1] - f[2] * sb / root) + share * cos(bb) * (g[1] - g[2] * sb / root),
                           sa * f[0] + sb * f[1] + root * f[2]};
@@ -40,7 +41,7 @@ static void torque_frame_is_jt_of_the_rendered_force(void **state)
         assert_true(fabs(b.torques.beta * 1e-4 - want[1]) < 0.6e-4);
         assert_true(fabs(b.torques.insertion * 1e-3 - want[2]) < 0.6e-3);
     }
-    assert_true(length(b.node.controller.coupling.force_N) > 0.1);
+    assert_true(length(b.node.controller.instrument[0].coupling.force_N) > 0.1);
     bench_close(&b);
 }
 
@@ -54,7 +55,7 @@ static void force_rises_with_depth_and_is_gone_after_retraction(void **state)
     unsigned contacts = 0;
     for (int i = 0; i <= 2000; i++) {
         bench_tick(&b, 0, 0, 0.10 + 0.03 * i / 2000);
-        double force = length(b.node.controller.contact.force_N);
+        double force = length(b.node.controller.contact.force_N[0]);
         assert_true(force >= last - 2e-3); /* another point that touches may shift the load, not lower it */
         last = force;
         contacts = b.node.controller.contact.count > contacts ? b.node.controller.contact.count : contacts;
@@ -66,7 +67,7 @@ static void force_rises_with_depth_and_is_gone_after_retraction(void **state)
     for (int i = 0; i < 20; i++)
         bench_tick(&b, 0, 0, 0.10);
     assert_int_equal(b.node.controller.contact.count, 0);
-    assert_true(length(b.node.controller.coupling.force_N) == 0);
+    assert_true(length(b.node.controller.instrument[0].coupling.force_N) == 0);
     bench_close(&b);
 }
 
@@ -78,20 +79,20 @@ static void a_silent_device_in_contact_lets_the_torque_decay_to_zero(void **stat
     bench_start(&b, 0, 0, 0.10);
     for (int i = 0; i < 1000; i++)
         bench_tick(&b, 0, 0, 0.10 + 0.025 * i / 1000);
-    double force = length(b.node.controller.coupling.force_N), before = force;
+    double force = length(b.node.controller.instrument[0].coupling.force_N), before = force;
     assert_true(force > 0.2);
     int ticks = 0;
     while (b.torques.enable && ticks < 1000) {
         bench_silent_tick(&b);
-        double now = length(b.node.controller.coupling.force_N);
+        double now = length(b.node.controller.instrument[0].coupling.force_N);
         assert_true(now < before || now == 0);
         before = now;
         ticks++;
     }
     printf("# %.2f N decayed to zero, motors off after %d ms\n", force, ticks);
     assert_true(ticks < 250); /* ln(8.9 N / 1 mN) = 9.1 time constants of 20 ms and the five ticks before SAFE */
-    assert_int_equal(b.node.controller.safety.state, SAFETY_SAFE);
-    assert_int_equal(b.node.controller.safety.reason, STATUS_LOOP_STALE);
+    assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_SAFE);
+    assert_int_equal(b.node.controller.instrument[0].safety.reason, STATUS_LOOP_STALE);
 
     for (int i = 0; i < 200; i++) { /* samples alone do not bring torque back */
         bench_tick(&b, 0, 0, 0.125);
@@ -99,11 +100,11 @@ static void a_silent_device_in_contact_lets_the_torque_decay_to_zero(void **stat
     }
     bench_command(&b, 1);
     bench_tick(&b, 0, 0, 0.125);
-    assert_int_equal(b.node.controller.safety.state, SAFETY_READY);
+    assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_READY);
     assert_int_equal(b.torques.enable, 0);
     bench_command(&b, 1);
     bench_tick(&b, 0, 0, 0.125);
-    assert_int_equal(b.node.controller.safety.state, SAFETY_RUN);
+    assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_RUN);
     bench_close(&b);
 }
 
@@ -116,20 +117,20 @@ static void a_lasting_jump_of_the_encoder_ends_in_safe_and_is_not_rendered(void 
         struct bench b;
         bench_open(&b, NULL);
         bench_start(&b, 0, 0, 0.114);
-        float force = (float)length(b.node.controller.coupling.force_N);
+        float force = (float)length(b.node.controller.instrument[0].coupling.force_N);
         assert_true(force == 0);
         for (int i = 0; i < SAFETY_IMPLAUSIBLE_TICKS; i++) {
-            assert_int_equal(b.node.controller.safety.state, SAFETY_RUN);
+            assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_RUN);
             bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
-            assert_true(length(b.node.controller.coupling.force_N) == 0);
+            assert_true(length(b.node.controller.instrument[0].coupling.force_N) == 0);
         }
-        assert_int_equal(b.node.controller.safety.state, SAFETY_SAFE);
-        assert_int_equal(b.node.controller.safety.reason, STATUS_LOOP_IMPLAUSIBLE);
+        assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_SAFE);
+        assert_int_equal(b.node.controller.instrument[0].safety.reason, STATUS_LOOP_IMPLAUSIBLE);
         for (int i = 0; i < 400; i++) /* where it stands now is believed again, after the count of good samples */
             bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
         bench_command(&b, 1);
         bench_tick(&b, 0, 0, 0.114 + 1e-6 * jump_um);
-        assert_int_equal(b.node.controller.safety.state, SAFETY_READY);
+        assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_READY);
         bench_close(&b);
     }
 }
@@ -144,23 +145,23 @@ static void contact_is_found_again_after_a_dropout_inside_the_tissue(void **stat
     bench_start(&b, 0, 0, 0.10);
     for (int i = 0; i <= 1000; i++)
         bench_tick(&b, 0, 0, 0.10 + 0.025 * i / 1000);
-    double before = length(b.node.controller.contact.force_N), last;
+    double before = length(b.node.controller.contact.force_N[0]), last;
     unsigned contacts = b.node.controller.contact.count;
     for (int i = 0; i < 10; i++)
         bench_silent_tick(&b);
     for (int i = 0; i < 300; i++)
         bench_tick(&b, 0, 0, 0.125);
-    assert_int_equal(b.node.controller.safety.state, SAFETY_SAFE);
+    assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_SAFE);
     for (int k = 0; k < 2; k++) {
         bench_command(&b, 1);
         bench_tick(&b, 0, 0, 0.125);
     }
-    assert_int_equal(b.node.controller.safety.state, SAFETY_RUN);
-    last = length(b.node.controller.coupling.force_N);
+    assert_int_equal(b.node.controller.instrument[0].safety.state, SAFETY_RUN);
+    last = length(b.node.controller.instrument[0].coupling.force_N);
     assert_true(last < 0.06 * before); /* 1 ms of 20 ms */
     for (int i = 0; i < 300; i++) {
         bench_tick(&b, 0, 0, 0.125);
-        double now = length(b.node.controller.coupling.force_N);
+        double now = length(b.node.controller.instrument[0].coupling.force_N);
         assert_true(now >= last - 1e-6 && now - last < 0.06 * before);
         last = now;
     }
@@ -179,13 +180,13 @@ static void sliding_over_edges_changes_the_force_smoothly(void **state)
         bench_tick(&b, -0.1, 0, 0.10 + 0.026 * i / 500);
     double worst = 0, mean = 0;
     float last[3];
-    memcpy(last, b.node.controller.contact.force_N, sizeof last);
+    memcpy(last, b.node.controller.contact.force_N[0], sizeof last);
     for (int i = 0; i <= 4000; i++) {
         bench_tick(&b, -0.1 + 0.2 * i / 4000, 0.03 * sin(i / 500.0), 0.126);
         float change[3];
         for (int k = 0; k < 3; k++)
-            change[k] = b.node.controller.contact.force_N[k] - last[k];
-        memcpy(last, b.node.controller.contact.force_N, sizeof last);
+            change[k] = b.node.controller.contact.force_N[0][k] - last[k];
+        memcpy(last, b.node.controller.contact.force_N[0], sizeof last);
         worst = fmax(worst, length(change));
         mean += length(last) / 4001;
     }
@@ -241,12 +242,12 @@ static void badly_scaled_banks_stay_bounded(void **state)
             double deepest = 0;
             for (unsigned k = 0; k < c->contact.count; k++)
                 deepest = fmax(deepest, c->contact.contact[k].depth_m);
-            assert_true(isfinite(length(c->contact.force_N)));
-            assert_true(length(c->coupling.force_N) <= 8.9 * 1.00001);
+            assert_true(isfinite(length(c->contact.force_N[0])));
+            assert_true(length(c->instrument[0].coupling.force_N) <= 8.9 * 1.00001);
             /* proxy offset <= the deepest point's depth in the directions that push: |f| <= k * depth * sqrt(m) */
-            assert_true(length(c->contact.force_N) <= 1000 * deepest * sqrt(7) * 1.001 + 1e-6);
+            assert_true(length(c->contact.force_N[0]) <= 1000 * deepest * sqrt(7) * 1.001 + 1e-6);
         }
-        assert_int_equal(b.node.controller.safety.nonfinite, 0);
+        assert_int_equal(b.node.controller.instrument[0].safety.nonfinite, 0);
         bench_close(&b);
     }
 }

@@ -42,7 +42,7 @@ static struct bank_branch dashpot(double time_s)
 static void push(struct press *p, const double *depth_m)
 {
     p->set.count = 0;
-    p->points.count = p->count;
+    p->points.count = p->points.tool[0].count = p->count;
     for (unsigned i = 0; i < p->count; i++) {
         if (!(depth_m[i] > 0)) /* above the surface at rest: not touching */
             continue;
@@ -51,12 +51,13 @@ static void push(struct press *p, const double *depth_m)
         *c = (struct contact){
             .point = i, .triangle = p->triangle[i], .weights = {0.3f, 0.3f, 0.4f}, .depth_m = (float)depth_m[i]};
         for (int a = 0; a < 3; a++)
-            c->normal[a] = p->bank.normals[3 * v[0] + a]; /* any unit vector will do */
+            c->normal[a] = c->pull[0][a] = p->bank.normals[3 * v[0] + a]; /* any unit vector will do */
         for (int a = 0; a < 3; a++)
             p->points.point[i].anchor_m[a] = p->bank.positions[3 * v[0] + a];
     }
     p->tick++;
-    viscoelastic_push(&p->effect, &p->bank, &p->set, &p->rows, &p->points, p->tick);
+    contact_assemble(&p->set, &p->rows, &p->bank);
+    viscoelastic_push(&p->effect, &p->bank, &p->set, &p->points, p->tick);
 }
 
 /* `hard`: coupling and regularisation that are nothing beside the tissue. */
@@ -93,12 +94,14 @@ static void press_open(struct press *p, const struct bank_branch *branches, unsi
     push(p, depth);
     for (unsigned c = 0; c < points; c++)
         for (unsigned d = 0; d < points; d++) {
+            float moved[3];
             p->C[c][d] = 0;
+            contact_multiply(&p->set, c, d, p->set.contact[d].normal, moved);
             for (int a = 0; a < 3; a++)
-                p->C[c][d] += (double)p->set.contact[c].normal[a] * p->set.response[c][d][a];
+                p->C[c][d] += (double)p->set.contact[c].normal[a] * moved[a];
         }
-    viscoelastic_forget(&p->effect);
-    contact_clear(&p->set);
+    viscoelastic_forget(&p->effect, &p->points.tool[0]);
+    contact_forget(&p->set, &p->points, 0);
 }
 
 static double pressure(const struct press *p, unsigned point)
@@ -165,7 +168,7 @@ static void ramp_step_and_rest_have_their_closed_forms(void **state)
     }
     print_message("# ramp: off by %.1e\n", worst);
     assert_true(worst < 1e-4); /* decays are rounded to 2^-25: 1000 of them to 3e-5 */
-    viscoelastic_forget(&p.effect);
+    viscoelastic_forget(&p.effect, &p.points.tool[0]);
     worst = 0;
     for (unsigned n = 1; n <= 8000; n++) { /* within one tick to `hold`: g(t), that tick spread over itself */
         double t = n * T, w = hold;
@@ -196,7 +199,7 @@ static void storage_and_loss_are_recovered_from_sines(void **state)
             storage += g[b] * x * x / (1 + x * x);
             loss += g[b] * x / (1 + x * x);
         }
-        viscoelastic_forget(&p.effect);
+        viscoelastic_forget(&p.effect, &p.points.tool[0]);
         unsigned warm = period * (unsigned)ceil(2.0 / (period * T)); /* ten times the longest time */
         for (unsigned n = 0; n < warm + cycles * period; n++) {
             double depth = 0.005 + 0.001 * sin(w * n * T);
@@ -535,9 +538,11 @@ static void the_ticks_force_on_a_sinusoidal_press_has_both_moduli(void **state)
         }
         /* depth / force = 1 / (K g*) + 1/k + epsilon; K from the contact's own elastic response */
         const struct contact_set *set = &b.node.controller.contact;
+        float own[3];
         double response = 0, size = re[1] * re[1] + im[1] * im[1];
+        contact_multiply(set, 0, 0, set->contact[0].normal, own);
         for (int a = 0; a < 3; a++)
-            response += (double)set->contact[0].normal[a] * set->response[0][0][a];
+            response += (double)set->contact[0].normal[a] * own[a];
         double c_re = (re[0] * re[1] + im[0] * im[1]) / size, c_im = (im[0] * re[1] - re[0] * im[1]) / size;
         c_re -= 1.0 / b.bank.contact->coupling_stiffness_N_m + b.bank.contact->regularisation_m_N;
         double all = c_re * c_re + c_im * c_im, storage = response * c_re / all, loss = -response * c_im / all;

@@ -130,47 +130,21 @@ static void fd_frames_agree_with_a_second_construction(void **state)
 
 /* ---- what is really sent ---- */
 
-/* One more pair of device and controller on a session's bus: instrument 1 with node 2, which follows SYNC. */
-struct second {
+/* The device of instrument 1 and who listens to it, on a session's bus. */
+struct other {
     struct bus *bus;
-    int node_port, device_port, host_port;
-    struct node node;
+    int device_port, host_port;
     struct device_node device;
     struct device_model model;
     struct hand hand;
     struct gesture gesture;
     struct link link;
-    bool computed;
 };
-
-static void finish(struct second *s)
-{
-    struct can_frame_t frame;
-    node_finish_tick(&s->node);
-    s->computed = true;
-    while (node_transmit(&s->node, &frame))
-        bus_send(s->bus, s->node_port, &frame);
-}
-
-static void node_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
-{
-    (void)time_us;
-    struct second *s = context;
-    if (frame->id == WIRE_SYNC_ID) {
-        if (!s->computed)
-            finish(s);
-        node_begin_tick(&s->node);
-        s->computed = false;
-    }
-    node_receive(&s->node, frame);
-    if (s->node.answered && !s->computed)
-        finish(s);
-}
 
 static void device_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
 {
     (void)time_us;
-    struct second *s = context;
+    struct other *s = context;
     struct can_frame_t reply;
     if (device_node_receive(&s->device, frame, &reply))
         bus_send(s->bus, s->device_port, &reply);
@@ -178,30 +152,24 @@ static void device_hears(void *context, const struct can_frame_t *frame, uint64_
 
 static void host_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
 {
-    link_receive(&((struct second *)context)->link, frame, time_us);
+    link_receive(&((struct other *)context)->link, frame, time_us);
 }
 
-static void second_start(struct second *s, struct loop *l, const char *gesture)
+static void other_start(struct other *s, struct loop *l, const char *gesture)
 {
     struct failure why = {0};
     char message[200];
     long line;
     memset(s, 0, sizeof *s);
     s->bus = session_bus(l->session);
-    s->computed = true;
-    s->node_port = bus_attach(s->bus, node_hears, s);
     s->device_port = bus_attach(s->bus, device_hears, s);
     s->host_port = bus_attach(s->bus, host_hears, s);
-    assert_int_equal(node_start(&s->node, &l->bank.view, 1, 2, NULL, 0), STATUS_OK);
-    struct can_frame_t boot;
-    while (node_transmit(&s->node, &boot))
-        bus_send(s->bus, s->node_port, &boot);
     assert_int_equal(bench_device(NULL, &l->bank.view.tools[1], &s->model, &why), STATUS_OK);
     assert_int_equal(bench_hand(&l->bank.view, 0, &s->hand, &why), STATUS_OK);
     assert_int_equal(gesture_read(gesture, &s->gesture, message, sizeof message, &line), STATUS_OK);
     s->hand.gesture = &s->gesture;
-    device_node_start(&s->device, &s->model, &s->hand, 2);
-    link_start(&s->link, 2);
+    device_node_start(&s->device, &s->model, &s->hand, SESSION_NODE + 1);
+    link_start(&s->link, SESSION_NODE + 1);
 }
 
 struct counted {
@@ -229,27 +197,27 @@ static void the_schedule_keeps_its_rates_for_any_number_of_contacts(void **state
     struct failure why = {0};
     assert_int_equal(wire_dbc(&dbc, &why), STATUS_OK);
     for (unsigned instruments = 1; instruments <= 2; instruments++)
-        for (unsigned points = 1; points <= CONTACT_MAX; points++) {
-            static struct controller c[2];
+        for (unsigned points = 1; points <= CONTACT_MAX / instruments; points++) {
+            static struct controller c;
             static struct telemetry t[2];
             struct busload load;
             struct counted counted = {.dbc = dbc};
-            memset(c, 0, sizeof c);
+            memset(&c, 0, sizeof c);
             memset(t, 0, sizeof t);
             const struct bank_view bank = {.tool_count = instruments};
-            for (unsigned i = 0; i < 2; i++) {
-                c[i].instrument = i;
-                c[i].contact.count = points;
-                for (unsigned k = 0; k < points; k++)
-                    c[i].contact.contact[k].pressure_N = 1;
+            c.instrument_count = instruments;
+            c.contact.count = points * instruments;
+            for (unsigned k = 0; k < c.contact.count; k++) {
+                c.contact.contact[k].pressure_N = 1;
+                c.contact.contact[k].tool = k / points;
             }
             for (unsigned tick = 0; tick < TICKS; tick++) {
                 uint32_t sent = 0;
+                c.tick_count = tick;
                 for (unsigned i = 0; i < instruments; i++) {
                     struct can_frame_t frame[TELEMETRY_FRAMES];
                     const struct telemetry_counters none = {0};
-                    c[i].tick_count = tick;
-                    const uint32_t n = telemetry_tick(&t[i], &c[i], &bank, &none, (uint8_t)(1 + i), frame);
+                    const uint32_t n = telemetry_tick(&t[i], &c, i, &bank, &none, (uint8_t)(1 + i), frame);
                     assert_true(sent == 0 || n == 0);
                     sent += n;
                     for (uint32_t k = 0; k < n; k++)
@@ -282,25 +250,27 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
     assert_int_equal(wire_dbc(&dbc, &why), STATUS_OK);
     for (unsigned instruments = 1; instruments <= 2; instruments++) {
         struct loop l;
-        struct second second;
+        struct other other;
         struct busload load;
         struct counted counted = {.dbc = dbc};
         struct bank_fixture_options two = bank_fixture_default;
         two.instruments = instruments;
+        two.tip_points = instruments == 2 && two.tip_points > CONTACT_MAX / 2 ? CONTACT_MAX / 2 : two.tip_points;
         enum { TICKS = 2000 };
         loop_bank(&l, &two);
         loop_open(&l, &(struct session_options){.gesture = {"hold"}});
         if (instruments == 2)
-            second_start(&second, &l, "hold");
+            other_start(&other, &l, "hold");
         uint64_t bits = 0, ticks = 0;
         while (loop_tick(&l)) {
             const double time_s = session_gesture_time_s(l.session);
             if (instruments == 2) {
-                device_step(&second.device.device, &second.hand, time_s, SESSION_TICK_US);
-                if (time_s > 0.1 && second.node.controller.safety.state == SAFETY_READY && ticks == 0) {
+                device_step(&other.device.device, &other.hand, time_s, SESSION_TICK_US);
+                if (time_s > 0.1 && session_node(l.session)->controller.instrument[1].safety.state == SAFETY_READY &&
+                    ticks == 0) {
                     struct can_frame_t frame = {.id = WIRE_NMT_ID, .length = WIRE_NMT_LENGTH};
                     wire_nmt_pack(frame.data, &(struct wire_nmt){.command = 1, .node = 2});
-                    bus_send(second.bus, second.host_port, &frame);
+                    bus_send(other.bus, other.host_port, &frame);
                 }
             }
             if (ticks == 0 && time_s < 1.5)
@@ -319,7 +289,7 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
         const struct link *link = session_link(l.session, 0);
         struct busload_use use = {instruments, {(unsigned)link->contact_count, 0}, 1e6, 5e6};
         if (instruments == 2)
-            use.points[1] = (unsigned)second.link.contact_count;
+            use.points[1] = (unsigned)other.link.contact_count;
         assert_int_equal(busload(dbc, &use, &load, &why), STATUS_OK);
         for (size_t i = 0; i < load.count; i++) {
             const double computed = load.row[i].per_second * 1e-3 * TICKS;
@@ -334,17 +304,16 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
                       instruments, use.points[0], use.points[1], 100 * share, 100 * load.share);
         assert_true(share <= load.share && load.share <= 0.70 && share > 0.8 * load.share);
         assert_true(load.worst_tick_us < 1000);
-        assert_int_equal(session_node(l.session)->controller.safety.missed, 0);
+        assert_int_equal(session_node(l.session)->controller.instrument[0].safety.missed, 0);
         assert_int_equal(loop_state(&l), SAFETY_RUN);
         if (instruments == 2) {
-            const struct controller *c = &second.node.controller;
-            assert_int_equal(c->safety.state, SAFETY_RUN);
-            assert_int_equal(c->safety.missed, 0);
-            assert_true(c->contact.count > 0);
-            assert_int_equal(second.device.device.commands_rejected + second.device.late, 0);
-            assert_int_equal(second.link.malformed + second.link.incomplete_sets, 0);
-            assert_true(second.link.contact_count > 0);
-            assert_int_equal(second.node.queue_overflows, 0);
+            const struct controller *c = &session_node(l.session)->controller;
+            assert_int_equal(c->instrument[1].safety.state, SAFETY_RUN);
+            assert_int_equal(c->instrument[1].safety.missed, 0);
+            assert_int_equal(other.device.device.commands_rejected + other.device.late, 0);
+            assert_int_equal(other.link.malformed + other.link.incomplete_sets, 0);
+            assert_true(other.link.contact_count > 0);
+            assert_int_equal(session_node(l.session)->queue_overflows, 0);
         }
         assert_int_equal(link->malformed + link->incomplete_sets, 0);
         assert_true(link->contact_count > 0);

@@ -143,11 +143,12 @@ static uint64_t compare(const struct bus_faults *faults, struct session_result *
         if (!faults && link->pose_sets != poses) {
             poses = link->pose_sets;
             for (int a = 0; a < 3; a++) {
-                assert_true(near(link->tip_m[a], (double)c->kinematics.tip_m[a], (double)WIRE_FORCE_POSE_TIP_X_SCALE));
-                assert_true(
-                    near(link->force_N[a], (double)c->coupling.force_N[a], (double)WIRE_FORCE_POSE_FORCE_X_SCALE));
+                assert_true(near(link->tip_m[a], (double)c->instrument[0].kinematics.tip_m[a],
+                                 (double)WIRE_FORCE_POSE_TIP_X_SCALE));
+                assert_true(near(link->force_N[a], (double)c->instrument[0].coupling.force_N[a],
+                                 (double)WIRE_FORCE_POSE_FORCE_X_SCALE));
             }
-            assert_int_equal(link->state, c->safety.state);
+            assert_int_equal(link->state, c->instrument[0].safety.state);
         }
     }
     loop_close(&l);
