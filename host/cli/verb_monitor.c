@@ -189,7 +189,7 @@ static int start(struct request *r, struct monitor *monitor, struct mirror *mirr
     int status = source_open(&r->source, &source, why);
     const bool bank = r->source.bank_open;
     if (!status && bank)
-        status = mirror_open(mirror, &r->source.bank.view, 0, SESSION_NODE, why);
+        status = mirror_open(mirror, &r->source.bank.view, SESSION_NODE, why);
     if (!status) {
         screen.table = isatty(STDOUT_FILENO) && !r->lines && !r->frames && !r->json;
         screen.every_us = 1000 * (r->every_ms ? r->every_ms : screen.table ? 250 : 1000);

@@ -26,8 +26,7 @@ static const char usage[] =
     "\n"
     "      --bank FILE         the bank that the controller had; of a scene it is built\n"
     "      --bus NAME          the bus with the controller; no bank is needed\n"
-    "      --node N            the controller's node (default: that of the first encoder or torque frame)\n"
-    "      --instrument N      of the bank, from 0 (default 0)\n"
+    "      --node N            of the controller's first instrument (default: the lowest of the first frames)\n"
     "      --interface NAME    only frames of this interface (default: the first line's)\n"
     "      --json              one JSON object on stdout\n"
     "\n"
@@ -44,7 +43,6 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
     static const struct option longs[] = {{"bank", required_argument, NULL, 'b'},
                                           {"bus", required_argument, NULL, 'B'},
                                           {"node", required_argument, NULL, 'n'},
-                                          {"instrument", required_argument, NULL, 'i'},
                                           {"interface", required_argument, NULL, 'f'},
                                           {"json", no_argument, NULL, 'j'},
                                           {"help", no_argument, NULL, 'h'},
@@ -65,10 +63,6 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
             status = cli_whole("--node", optarg, 1, 126, &n, why);
             r->options.node = (unsigned)n;
             break;
-        case 'i':
-            status = cli_whole("--instrument", optarg, 0, 1, &n, why);
-            r->options.instrument = (uint32_t)n;
-            break;
         case 'f':
             r->options.interface = optarg;
             break;
@@ -86,7 +80,7 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
         return status;
     if (optind != argc - 1)
         return failure_set(why, STATUS_USAGE, NULL, "see trocar replay --help", "replay takes one recording");
-    if (r->bus && (r->bank_path || r->options.instrument))
+    if (r->bus && r->bank_path)
         return failure_set(why, STATUS_USAGE, NULL, "leave out one", "the controller on a bus has its own bank");
     if (!r->bus && !r->bank_path)
         return failure_set(why, STATUS_USAGE, NULL, "say --bank FILE", "which bank the controller had is not given");
@@ -121,6 +115,7 @@ static void print_json(const struct request *r, const struct replay_result *resu
     struct json_object *root = json_object_new_object();
     json_object_object_add(root, "log", json_object_new_string(r->log));
     whole(root, "node", result->node);
+    whole(root, "instruments", result->instruments);
     whole(root, "frames", result->frames);
     whole(root, "ticks", result->ticks);
     whole(root, "samples", result->samples);
@@ -249,11 +244,7 @@ int verb_replay(int argc, char **argv, struct failure *why)
     }
     status = open_bank(r.bank_path, NULL, &bank, why);
     if (!status) {
-        if (r.options.instrument >= bank.view.tool_count)
-            status = failure_set(why, STATUS_USAGE, r.bank_path, NULL, "the bank has no instrument %u",
-                                 r.options.instrument);
-        if (!status)
-            status = replay_log(in, r.log, &bank.view, &r.options, &result, why);
+        status = replay_log(in, r.log, &bank.view, &r.options, &result, why);
         if (!status) {
             (r.json ? print_json : print_text)(&r, &result);
             status = judge(&r, &result, why);

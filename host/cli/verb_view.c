@@ -1,6 +1,7 @@
 /* trocar view: the organ live on a local page, until Ctrl-C. */
 #include <getopt.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "cli.h"
@@ -112,29 +113,42 @@ static int serve(const struct bank_file *bank, const struct request *request, st
     return status;
 }
 
-static int serve_bus(const struct bank_file *bank, const struct request *request, struct failure *why)
+static int serve_remote_until_it_ends(struct remote *remote, const struct bank_file *bank, struct view *view,
+                                      struct failure *why)
 {
     enum { WAIT_US = 5000 }; /* so often the page is served while the bus is silent */
-    const struct remote_options options = {.bus = request->bus,
-                                           .node = request->node ? (uint8_t)request->node : SESSION_NODE,
-                                           .ticks = request->session.ticks,
-                                           .patient = true};
-    struct remote remote;
+    int status;
+    printf("http://127.0.0.1:%u/\n", (unsigned)view_port(view));
+    fflush(stdout);
+    do {
+        status = remote_step(remote, WAIT_US, cli_warn, why);
+        if (status == 1)
+            status = serve_remote(remote, bank, view, why);
+    } while (status == 1);
+    return status;
+}
+
+static int serve_bus(const struct bank_file *bank, const struct request *request, struct failure *why)
+{
+    const uint8_t node = request->node ? (uint8_t)request->node : SESSION_NODE;
+    struct mirror *mirror = calloc(1, sizeof *mirror);
+    if (!mirror)
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for a controller");
+    struct remote remote = {.instruments = 0};
     struct view *view = NULL;
-    int status = remote_open(&remote, &options, why);
+    int status = mirror_open(mirror, &bank->view, node, why);
+    const struct remote_options options = {
+        .bus = request->bus, .node = node, .ticks = request->session.ticks, .patient = true, .mirror = mirror};
+    if (!status)
+        status = remote_open(&remote, &options, why);
     if (!status)
         status = serve_open(bank, request->port, &view, why);
-    if (!status) {
-        printf("http://127.0.0.1:%u/\n", (unsigned)view_port(view));
-        fflush(stdout);
-        do {
-            status = remote_step(&remote, WAIT_US, cli_warn, why);
-            if (status == 1)
-                status = serve_remote(&remote, bank, view, why);
-        } while (status == 1);
-    }
+    if (!status)
+        status = serve_remote_until_it_ends(&remote, bank, view, why);
     view_free(view);
     remote_free(&remote);
+    mirror_close(mirror);
+    free(mirror);
     return status;
 }
 

@@ -6,6 +6,8 @@
 
 #include "wire.h"
 
+enum { FIRST_FRAMES = 32 }; /* a few ticks: a recording may begin between the frames of two instruments */
+
 /* The node that a frame is of, when it tells: an encoder or a torque frame. */
 static unsigned node_of(const struct can_frame_t *frame)
 {
@@ -19,16 +21,17 @@ int replay_subject(FILE *in, const char *file, const struct replay_options *opti
 {
     struct candump_record record;
     long line = 0;
-    int status;
+    int status = 0;
     *node = options->node;
     snprintf(interface, CANDUMP_INTERFACE, "%s", options->interface ? options->interface : "");
-    while ((status = candump_read(in, file, &line, &record, why)) == 1) {
+    for (int seen = 0; seen < FIRST_FRAMES && (status = candump_read(in, file, &line, &record, why)) == 1;) {
         if (!*interface)
             snprintf(interface, CANDUMP_INTERFACE, "%s", record.interface);
-        if (!*node && !strcmp(interface, record.interface))
-            *node = node_of(&record.frame);
-        if (*node)
+        if (options->node)
             break;
+        const unsigned of = !strcmp(interface, record.interface) ? node_of(&record.frame) : 0;
+        *node = of && (!*node || of < *node) ? of : *node;
+        seen += *node != 0;
     }
     if (status < 0)
         return status;
@@ -53,7 +56,11 @@ static void take(struct replay_result *result, const struct mirror *mirror)
     result->hashes_differed = mirror->hashes_differed;
     result->starts = mirror->starts;
     result->joined = mirror->joined;
+    result->instruments = mirror->count;
     result->final_state = c->instrument[0].safety.state;
+    for (uint32_t t = 1; t < mirror->count; t++)
+        if (c->instrument[t].safety.state == SAFETY_SAFE)
+            result->final_state = SAFETY_SAFE;
 }
 
 static void step(struct replay_result *result, struct mirror *mirror, const struct candump_record *record, long line)
@@ -62,16 +69,18 @@ static void step(struct replay_result *result, struct mirror *mirror, const stru
     if (result->frames++ == 0)
         result->first_us = record->time_us;
     result->last_us = record->time_us;
-    result->samples += frame->id == WIRE_ENCODERS_ID + result->node;
+    result->samples += frame->id - WIRE_ENCODERS_ID - result->node < mirror->count;
     const enum mirror_verdict verdict = mirror_receive(mirror, frame, record->time_us);
-    const float *f = mirror->node.controller.instrument[0].coupling.force_N;
-    result->peak_force_N = fmax(result->peak_force_N, sqrt((double)(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
+    for (uint32_t t = 0; t < mirror->count; t++) {
+        const float *f = mirror->node.controller.instrument[t].coupling.force_N;
+        result->peak_force_N = fmax(result->peak_force_N, sqrt((double)(f[0] * f[0] + f[1] * f[1] + f[2] * f[2])));
+    }
     if (verdict != MIRROR_DIFFERS || result->line)
         return;
     result->line = line;
     result->tick = mirror->node.controller.tick_count;
-    result->computed = mirror->torques;
-    result->recorded = frame->id == WIRE_TORQUES_ID + result->node ? *frame : mirror->torques;
+    result->computed = mirror->computed;
+    result->recorded = mirror->recorded;
 }
 
 int replay_log(FILE *in, const char *file, const struct bank_view *bank, const struct replay_options *options,
@@ -86,7 +95,7 @@ int replay_log(FILE *in, const char *file, const struct bank_view *bank, const s
         return failure_set(why, STATUS_MEMORY, file, NULL, "no memory for a controller");
     int status = replay_subject(in, file, options, interface, &result->node, why);
     if (!status)
-        status = mirror_open(mirror, bank, options->instrument, (uint8_t)result->node, why);
+        status = mirror_open(mirror, bank, (uint8_t)result->node, why);
     if (status) {
         free(mirror);
         return status;

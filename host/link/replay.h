@@ -9,14 +9,14 @@
 #include "mirror.h"
 
 struct replay_options {
-    uint32_t instrument;
-    unsigned node;         /* 0: that of the first encoder or torque frame */
+    unsigned node;         /* of the first instrument; 0: the lowest of the first encoder and torque frames */
     const char *interface; /* only frames of this one; NULL: of the first line's */
 };
 
 struct replay_result {
     uint64_t frames, others; /* read; of other interfaces */
-    unsigned node;
+    unsigned node;           /* of the first instrument */
+    uint32_t instruments;    /* the bank's; torque frames and samples are those of all */
     uint64_t first_us, last_us;
     uint64_t ticks, samples, agreed, differed, damaged, unanswered, lost_ticks, late, hashes_agreed, hashes_differed;
     uint64_t starts;
@@ -29,8 +29,8 @@ struct replay_result {
     double peak_force_N;
 };
 
-/* Which interface and node a recording is about: those of the options, else of its first line and its first encoder or torque
- * frame. The stream is at its beginning again. STATUS_BUS_LOG when it has none. */
+/* Which interface and node a recording is about: those of the options, else of its first line and the lowest of its first encoder
+ * and torque frames. The stream is at its beginning again. STATUS_BUS_LOG when it has none. */
 int replay_subject(FILE *in, const char *file, const struct replay_options *options, char interface[CANDUMP_INTERFACE],
                    unsigned *node, struct failure *why);
 

@@ -14,21 +14,25 @@
 
 struct replay_bus_tick {
     size_t first, before, after; /* frames for the controller, before and behind its torque frame */
-    bool answered;               /* the recording has its torque frame */
-    uint8_t torques[8];
-    long line;
+    struct {
+        bool there; /* in the recording */
+        uint8_t data[8];
+        long line;
+    } torques[BANK_MAX_INSTRUMENTS];
 };
 
 struct replay_bus {
-    unsigned node;
+    unsigned node;  /* of the first instrument */
+    uint32_t count; /* instruments that the recording has torques of */
     size_t tick_count, frame_count;
     struct replay_bus_tick *tick;
     struct can_frame_t *frame;
     /* so far */
     size_t at; /* the tick that is next, or under way */
     bool open; /* its SYNC was heard */
+    bool heard_torques[BANK_MAX_INSTRUMENTS];
     uint64_t agreed, differed, not_recorded;
-    uint64_t unanswered; /* SYNC was followed by SYNC */
+    uint64_t unanswered; /* torque frames that the next SYNC came before */
     uint64_t no_room;    /* frames that the bus did not take */
     long line;           /* of the first torque frame that differs; 0: none */
     uint8_t heard[8];

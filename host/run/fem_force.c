@@ -32,9 +32,11 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
     sample->count = set->count;
     sample->friction = cone != NULL;
     sample->stiffening = visco ? (double)visco->stiffening : 1;
-    memcpy(sample->force_N, set->force_N[0], sizeof sample->force_N);
+    memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
     for (uint32_t c = 0; c < set->count; c++) {
+        sample->contact[c].tool = contact_tool(&set->contact[c]);
         sample->contact[c].triangle = set->contact[c].triangle;
+        memcpy(sample->contact[c].pull, set->contact[c].pull, sizeof sample->contact[c].pull);
         sample->contact[c].depth_m = visco ? remembered_depth(&set->contact[c], visco) : set->contact[c].depth_m;
         memcpy(sample->contact[c].weights, set->contact[c].weights, sizeof sample->contact[c].weights);
         memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
@@ -115,7 +117,7 @@ static double pad(const struct bank_view *bank, double own_m_N)
 
 /* The same with friction: each contact is constrained along the three axes. */
 static int fem_force_friction(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
-                              double force_N[3], struct failure *why)
+                              double force_N[BANK_MAX_INSTRUMENTS][3], struct failure *why)
 {
     enum { UNKNOWNS = 3 * CONTACT_MAX };
     uint32_t m = sample->count, size = 3 * m, vertex[3 * UNKNOWNS] = {0};
@@ -145,22 +147,23 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
     }
     for (uint32_t i = 0; i < size && !status; i++)
         for (uint32_t j = i % 3; j < size; j += 3)
-            A[size * i + j] += 1 / (double)bank->contact->coupling_stiffness_N_m;
+            if (sample->contact[i / 3].tool == sample->contact[j / 3].tool)
+                A[size * i + j] += 1 / (double)bank->contact->coupling_stiffness_N_m;
     if (!status)
         status = fem_cone(m, A, d, n, mu, f, why);
     for (uint32_t i = 0; i < size && !status; i++)
-        force_N[i % 3] += f[i];
+        force_N[sample->contact[i / 3].tool][i % 3] += f[i];
     free(A);
     return status;
 }
 
-int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample, double force_N[3],
-              struct failure *why)
+int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
+              double force_N[BANK_MAX_INSTRUMENTS][3], struct failure *why)
 {
     uint32_t m = sample->count, vertex[3 * CONTACT_MAX];
     double weight[3 * CONTACT_MAX], normal[3 * CONTACT_MAX], d[CONTACT_MAX], p[CONTACT_MAX];
     double A[CONTACT_MAX * CONTACT_MAX];
-    memset(force_N, 0, 3 * sizeof *force_N);
+    memset(force_N, 0, BANK_MAX_INSTRUMENTS * sizeof *force_N);
     if (m == 0)
         return STATUS_OK;
     if (sample->friction)
@@ -183,14 +186,15 @@ int fem_force(const struct bank_view *bank, const struct body *body, const struc
         own[c] = pad(bank, A[m * c + c]);
     for (uint32_t c = 0; c < m; c++)
         for (uint32_t e = 0; e < m; e++)
-            for (int k = 0; k < 3; k++)
-                A[m * c + e] += softness * normal[3 * c + k] * normal[3 * e + k];
+            for (int k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
+                A[m * c + e] += softness * (double)sample->contact[c].pull[k / 3][k % 3] *
+                                (double)sample->contact[e].pull[k / 3][k % 3];
     for (uint32_t c = 0; c < m; c++)
         A[m * c + c] += sample->stiffening * own[c];
     status = fem_complementarity(m, A, d, p, why);
     for (uint32_t c = 0; c < m && !status; c++)
-        for (int k = 0; k < 3; k++)
-            force_N[k] += p[c] * normal[3 * c + k];
+        for (int k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
+            force_N[k / 3][k % 3] += p[c] * (double)sample->contact[c].pull[k / 3][k % 3];
     return status;
 }
 
@@ -223,11 +227,13 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, c
 {
     if (set->count == 0)
         return;
-    const float *f = set->force_N[0];
-    float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
-    if (force2 > record->peak_force2_N2) {
-        record->peak_force2_N2 = force2;
-        fem_sample_take(&record->peak, set, cone, visco, tick);
+    for (int t = 0; t < BANK_MAX_INSTRUMENTS; t++) {
+        const float *f = set->force_N[t];
+        float force2 = f[0] * f[0] + f[1] * f[1] + f[2] * f[2];
+        if (force2 > record->peak_force2_N2[t]) {
+            record->peak_force2_N2[t] = force2;
+            fem_sample_take(&record->peak[t], set, cone, visco, tick);
+        }
     }
     uint64_t number = record->contact_ticks++;
     if (number % record->stride)
@@ -244,30 +250,66 @@ void fem_record_tick(struct fem_record *record, const struct contact_set *set, c
         fem_sample_take(&record->sample[record->count++], set, cone, visco, tick);
 }
 
+static double length(const double v[3])
+{
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+/* The sample with the contacts of one tool only. */
+static struct fem_sample alone(const struct fem_sample *sample, uint32_t tool)
+{
+    struct fem_sample own = *sample;
+    own.count = 0;
+    for (uint32_t c = 0; c < sample->count; c++)
+        if (sample->contact[c].tool == tool)
+            own.contact[own.count++] = sample->contact[c];
+    return own;
+}
+
+/* One sample; `largest`: of |f - f_fem| so far, per instrument. */
+static int compare_sample(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
+                          struct fem_comparison *to, double largest[BANK_MAX_INSTRUMENTS], struct failure *why)
+{
+    double f[BANK_MAX_INSTRUMENTS][3], own[BANK_MAX_INSTRUMENTS][3], difference[3];
+    int status = fem_force(bank, body, sample, f, why);
+    for (uint32_t t = 0; t < bank->tool_count && !status; t++) {
+        for (int k = 0; k < 3; k++)
+            difference[k] = (double)sample->force_N[t][k] - f[t][k];
+        largest[t] = fmax(largest[t], length(difference));
+        to->instrument[t].peak_force_N = fmax(to->instrument[t].peak_force_N, length(f[t]));
+        const struct fem_sample mine = alone(sample, t);
+        if (mine.count == 0 || mine.count == sample->count)
+            continue;
+        status = fem_force(bank, body, &mine, own, why);
+        for (int k = 0; k < 3; k++)
+            difference[k] = f[t][k] - own[t][k];
+        to->instrument[t].from_other_N = fmax(to->instrument[t].from_other_N, length(difference));
+    }
+    to->compared += !status;
+    return status;
+}
+
 int fem_compare(const struct bank_view *bank, const struct body *body, const struct fem_record *record,
                 struct fem_comparison *comparison, struct failure *why)
 {
     *comparison = (struct fem_comparison){0};
-    double largest = 0;
-    for (size_t i = 0; i <= record->count; i++) {
-        const struct fem_sample *sample = i < record->count ? &record->sample[i] : &record->peak;
+    double largest[BANK_MAX_INSTRUMENTS] = {0};
+    for (size_t i = 0; i < record->count + bank->tool_count; i++) {
+        const struct fem_sample *sample = i < record->count ? &record->sample[i] : &record->peak[i - record->count];
         if (sample->count == 0)
             continue;
         if (interrupted())
             return failure_set(why, STATUS_INTERRUPTED, NULL, NULL, "interrupted during the finite-element comparison");
-        double f[3], difference2 = 0, force2 = 0;
-        int status = fem_force(bank, body, sample, f, why);
+        int status = compare_sample(bank, body, sample, comparison, largest, why);
         if (status)
             return status;
-        for (int k = 0; k < 3; k++) {
-            difference2 += ((double)sample->force_N[k] - f[k]) * ((double)sample->force_N[k] - f[k]);
-            force2 += f[k] * f[k];
-        }
-        largest = fmax(largest, sqrt(difference2));
-        comparison->peak_force_N = fmax(comparison->peak_force_N, sqrt(force2));
-        comparison->compared++;
     }
-    if (comparison->peak_force_N > 0)
-        comparison->error = largest / comparison->peak_force_N;
+    for (uint32_t t = 0; t < bank->tool_count; t++) {
+        const double peak_N = comparison->instrument[t].peak_force_N;
+        if (peak_N > 0)
+            comparison->instrument[t].error = largest[t] / peak_N;
+        comparison->peak_force_N = fmax(comparison->peak_force_N, peak_N);
+        comparison->error = fmax(comparison->error, comparison->instrument[t].error);
+    }
     return STATUS_OK;
 }

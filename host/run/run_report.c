@@ -24,6 +24,9 @@ void run_report_table(FILE *out, const struct session_result *r)
         snprintf(label, sizeof label, "  %.20s", *i->name ? i->name : t ? "second" : "first");
         fprintf(out, "%-26s %.3f N, in contact for %llu ticks, at most %u points, deepest %.1f mm\n", label,
                 i->peak_force_N, (unsigned long long)i->contact_ticks, i->max_contacts, 1e3 * i->max_depth_m);
+        if (r->fem_known)
+            fprintf(out, "%-26s %.3f N of it because of the other, error against full FE %.2g\n", "", i->from_other_N,
+                    i->force_error_vs_fem);
     }
     if (r->fem_known)
         fprintf(out, "%-26s %.2g of %.3f N, over %u ticks\n", "error against full FE", r->force_error_vs_fem,
@@ -69,6 +72,7 @@ static struct json_object *instrument(const struct session_result *r, const stru
     if (r->fem_known) {
         real(o, "force_error_vs_fem", i->force_error_vs_fem);
         real(o, "peak_fem_force_N", i->peak_fem_force_N);
+        real(o, "from_other_N", i->from_other_N);
     }
     integer(o, "contact_ticks", i->contact_ticks);
     integer(o, "max_contacts", i->max_contacts);

@@ -152,7 +152,7 @@ int session_create(const struct bank_file *bank, const struct body *body, const 
     s->bank = bank;
     s->body = body;
     s->options = *options;
-    s->count = 1;
+    s->count = bank->view.tool_count;
     int status = STATUS_OK;
     for (uint32_t t = 0; t < s->count && !status; t++) {
         s->station[t].session = s;
@@ -264,7 +264,7 @@ bool session_tick(struct session *s)
     s->overrun = false;
     send_queued(s);
     for (uint32_t t = 0; t < SESSION_TICK_US; t += DEVICE_SUBSTEP_US) {
-        if (t == SESSION_COMPUTE_US) {
+        if (t == (s->count > 1 ? SESSION_COMPUTE_TWO_US : SESSION_COMPUTE_US)) {
             node_finish_tick(&s->node);
             send_queued(s);
         }
@@ -372,8 +372,9 @@ static int compare(struct session *s, struct failure *why)
     r->force_error_vs_fem = comparison.error;
     r->fem_compared = comparison.compared;
     for (uint32_t t = 0; t < s->count; t++) {
-        r->instrument[t].force_error_vs_fem = comparison.error;
-        r->instrument[t].peak_fem_force_N = comparison.peak_force_N;
+        r->instrument[t].force_error_vs_fem = comparison.instrument[t].error;
+        r->instrument[t].peak_fem_force_N = comparison.instrument[t].peak_force_N;
+        r->instrument[t].from_other_N = comparison.instrument[t].from_other_N;
     }
     r->peak_fem_force_N = comparison.peak_force_N;
     return STATUS_OK;

@@ -3,7 +3,7 @@
  * node SESSION_NODE + t.
  *
  * Time of one tick, us after its start: 0 SYNC goes out; about 60 the devices sample; about 200 (of two, 330) their encoders have
- * arrived; at SESSION_COMPUTE_US the controller computes; about 600 (750) the torques reach the devices. Bus and mechanics advance
+ * arrived; at SESSION_COMPUTE_US (SESSION_COMPUTE_TWO_US) the controller computes; about 600 (800) the torques reach the devices. Bus and mechanics advance
  * together in steps of DEVICE_SUBSTEP_US. The host, as any host would from frames alone, starts each instrument when it reports READY,
  * and sends its heartbeat at 10 Hz. The hands begin their gestures when the host has seen RUN of all, or after a second.
  *
@@ -28,6 +28,7 @@ enum {
     SESSION_TICK_US = 1000,
     SESSION_COMPUTE_US =
         400, /* SYNC, one frame that was on the bus before it, and encoders fit; one later waits a tick */
+    SESSION_COMPUTE_TWO_US = 500, /* the same with the encoders of two */
     SESSION_NODE = 1,
     SESSION_WAIT_TICKS = 1000, /* the hands wait so long for RUN */
     SESSION_SETTLE_TICKS = 200 /* after the longest gesture's end, when `ticks` is 0 */

@@ -20,7 +20,8 @@ struct session_instrument {
     double max_depth_m;          /* of a tool point below the rest surface */
     unsigned max_contacts;
     double peak_fem_force_N, force_error_vs_fem; /* as below, of this one's force and its peak; when fem_known */
-    struct safety safety;                        /* state, reason, counters */
+    double from_other_N;  /* largest part of its force that is there only because of the other; when fem_known */
+    struct safety safety; /* state, reason, counters */
     uint32_t clamps, rate_limits, passivity_interventions;
     uint32_t device_rejected, device_late, device_silences; /* torque frames; motors dropped */
     uint64_t link_malformed, link_incomplete;               /* host */

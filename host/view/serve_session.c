@@ -45,8 +45,13 @@ static void tip_in_trocar(const struct bank_tool *tool, const double tip_m[3], d
 int serve_remote(struct remote *remote, const struct bank_file *bank, struct view *view, struct failure *why)
 {
     struct view_input input;
-    struct view_now now = {.time_s = 1e-3 * (double)remote->ticks, .instruments = 1, .link = {&remote->link}};
-    tip_in_trocar(&bank->view.tools[0], remote->link.tip_m, now.hand_target_m[0]);
+    const struct mirror *mirror = remote->options.mirror;
+    struct view_now now = {.time_s = 1e-3 * (double)remote->ticks,
+                           .controller = remote->mirrored ? &mirror->node.controller : NULL};
+    for (uint32_t t = 0; t < remote->instruments && t < bank->view.tool_count; t++) {
+        now.link[now.instruments++] = &remote->instrument[t].link;
+        tip_in_trocar(&bank->view.tools[t], remote->instrument[t].link.tip_m, now.hand_target_m[t]);
+    }
     view_update(view, &now);
     view_serve(view, 0);
     view_input(view, &input);

@@ -22,7 +22,7 @@ static struct watch run(const char *gesture, const struct bus_faults *faults, st
     struct failure why = {0};
     loop_bank(&l, NULL);
     loop_open(&l, &(struct session_options){.gesture = {gesture}});
-    assert_int_equal(mirror_open(&w.mirror, &l.bank.view, 0, SESSION_NODE, &why), STATUS_OK);
+    assert_int_equal(mirror_open(&w.mirror, &l.bank.view, SESSION_NODE, &why), STATUS_OK);
     bus_listen(session_bus(l.session), watch, &w);
     if (faults)
         bus_inject(session_bus(l.session), faults);
@@ -90,7 +90,7 @@ static void one_that_joins_agrees_when_the_contact_is_new(void **state)
     struct failure why = {0};
     loop_bank(&l, NULL);
     loop_open(&l, &(struct session_options){.gesture = {"poke"}});
-    assert_int_equal(mirror_open(&w.mirror, &l.bank.view, 0, SESSION_NODE, &why), STATUS_OK);
+    assert_int_equal(mirror_open(&w.mirror, &l.bank.view, SESSION_NODE, &why), STATUS_OK);
     while (session_node(l.session)->controller.contact.count == 0)
         loop_run(&l, 1);
     bus_listen(session_bus(l.session), watch, &w);
@@ -125,7 +125,7 @@ static void it_differs_when_what_it_hears_is_not_what_was(void **state)
     struct bank_view other;
     unsigned char *bytes = bank_fixture(&softer, &length);
     assert_int_equal(bank_view_open(&other, bytes, length), STATUS_OK);
-    assert_int_equal(mirror_open(&w.mirror, &other, 0, SESSION_NODE, &why), STATUS_OK);
+    assert_int_equal(mirror_open(&w.mirror, &other, SESSION_NODE, &why), STATUS_OK);
     bus_listen(session_bus(l.session), watch, &w);
     while (loop_tick(&l))
         ;

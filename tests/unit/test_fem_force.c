@@ -138,7 +138,7 @@ static void record_spreads_over_a_run_of_any_length(void **state)
             fem_record_tick(&record, &set, NULL, NULL, 10 + t);
         }
         assert_int_equal(record.contact_ticks, lengths[n]);
-        assert_int_equal(record.peak.tick, 10 + lengths[n] * 2 / 3);
+        assert_int_equal(record.peak[0].tick, 10 + lengths[n] * 2 / 3);
         assert_true(record.count <= FEM_SPREAD);
         assert_true(lengths[n] < 8 ? record.count == lengths[n] : record.count >= 8);
         for (size_t i = 0; i < record.count; i++)

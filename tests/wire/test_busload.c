@@ -4,9 +4,7 @@
 
 #include <stdio.h>
 
-#include "bench.h"
 #include "busload.h"
-#include "device_node.h"
 #include "framebits.h"
 #include "random.h"
 #include "wire_dbc.h"
@@ -130,48 +128,6 @@ static void fd_frames_agree_with_a_second_construction(void **state)
 
 /* ---- what is really sent ---- */
 
-/* The device of instrument 1 and who listens to it, on a session's bus. */
-struct other {
-    struct bus *bus;
-    int device_port, host_port;
-    struct device_node device;
-    struct device_model model;
-    struct hand hand;
-    struct gesture gesture;
-    struct link link;
-};
-
-static void device_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
-{
-    (void)time_us;
-    struct other *s = context;
-    struct can_frame_t reply;
-    if (device_node_receive(&s->device, frame, &reply))
-        bus_send(s->bus, s->device_port, &reply);
-}
-
-static void host_hears(void *context, const struct can_frame_t *frame, uint64_t time_us)
-{
-    link_receive(&((struct other *)context)->link, frame, time_us);
-}
-
-static void other_start(struct other *s, struct loop *l, const char *gesture)
-{
-    struct failure why = {0};
-    char message[200];
-    long line;
-    memset(s, 0, sizeof *s);
-    s->bus = session_bus(l->session);
-    s->device_port = bus_attach(s->bus, device_hears, s);
-    s->host_port = bus_attach(s->bus, host_hears, s);
-    assert_int_equal(bench_device(NULL, &l->bank.view.tools[1], &s->model, &why), STATUS_OK);
-    assert_int_equal(bench_hand(&l->bank.view, 0, &s->hand, &why), STATUS_OK);
-    assert_int_equal(gesture_read(gesture, &s->gesture, message, sizeof message, &line), STATUS_OK);
-    s->hand.gesture = &s->gesture;
-    device_node_start(&s->device, &s->model, &s->hand, SESSION_NODE + 1);
-    link_start(&s->link, SESSION_NODE + 1);
-}
-
 struct counted {
     const struct dbc *dbc;
     uint64_t count[DBC_MAX_MESSAGES];
@@ -250,7 +206,6 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
     assert_int_equal(wire_dbc(&dbc, &why), STATUS_OK);
     for (unsigned instruments = 1; instruments <= 2; instruments++) {
         struct loop l;
-        struct other other;
         struct busload load;
         struct counted counted = {.dbc = dbc};
         struct bank_fixture_options two = bank_fixture_default;
@@ -258,21 +213,10 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
         two.tip_points = instruments == 2 && two.tip_points > CONTACT_MAX / 2 ? CONTACT_MAX / 2 : two.tip_points;
         enum { TICKS = 2000 };
         loop_bank(&l, &two);
-        loop_open(&l, &(struct session_options){.gesture = {"hold"}});
-        if (instruments == 2)
-            other_start(&other, &l, "hold");
+        loop_open(&l, &(struct session_options){.gesture = {"hold", instruments == 2 ? "hold" : NULL}});
         uint64_t bits = 0, ticks = 0;
         while (loop_tick(&l)) {
             const double time_s = session_gesture_time_s(l.session);
-            if (instruments == 2) {
-                device_step(&other.device.device, &other.hand, time_s, SESSION_TICK_US);
-                if (time_s > 0.1 && session_node(l.session)->controller.instrument[1].safety.state == SAFETY_READY &&
-                    ticks == 0) {
-                    struct can_frame_t frame = {.id = WIRE_NMT_ID, .length = WIRE_NMT_LENGTH};
-                    wire_nmt_pack(frame.data, &(struct wire_nmt){.command = 1, .node = 2});
-                    bus_send(other.bus, other.host_port, &frame);
-                }
-            }
             if (ticks == 0 && time_s < 1.5)
                 continue;
             if (ticks == 0) {
@@ -286,10 +230,9 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
             }
         }
         assert_true(ticks > TICKS);
-        const struct link *link = session_link(l.session, 0);
-        struct busload_use use = {instruments, {(unsigned)link->contact_count, 0}, 1e6, 5e6};
-        if (instruments == 2)
-            use.points[1] = (unsigned)other.link.contact_count;
+        struct busload_use use = {instruments, {0, 0}, 1e6, 5e6};
+        for (unsigned t = 0; t < instruments; t++)
+            use.points[t] = (unsigned)session_link(l.session, t)->contact_count;
         assert_int_equal(busload(dbc, &use, &load, &why), STATUS_OK);
         for (size_t i = 0; i < load.count; i++) {
             const double computed = load.row[i].per_second * 1e-3 * TICKS;
@@ -304,20 +247,17 @@ static void two_instruments_fit_and_frames_come_as_often_as_computed(void **stat
                       instruments, use.points[0], use.points[1], 100 * share, 100 * load.share);
         assert_true(share <= load.share && load.share <= 0.70 && share > 0.8 * load.share);
         assert_true(load.worst_tick_us < 1000);
-        assert_int_equal(session_node(l.session)->controller.instrument[0].safety.missed, 0);
-        assert_int_equal(loop_state(&l), SAFETY_RUN);
-        if (instruments == 2) {
-            const struct controller *c = &session_node(l.session)->controller;
-            assert_int_equal(c->instrument[1].safety.state, SAFETY_RUN);
-            assert_int_equal(c->instrument[1].safety.missed, 0);
-            assert_int_equal(other.device.device.commands_rejected + other.device.late, 0);
-            assert_int_equal(other.link.malformed + other.link.incomplete_sets, 0);
-            assert_true(other.link.contact_count > 0);
-            assert_int_equal(session_node(l.session)->queue_overflows, 0);
+        for (unsigned t = 0; t < instruments; t++) {
+            const struct safety *safety = &session_node(l.session)->controller.instrument[t].safety;
+            const struct link *link = session_link(l.session, t);
+            assert_int_equal(safety->state, SAFETY_RUN);
+            assert_int_equal(safety->missed, 0);
+            assert_int_equal(link->malformed + link->incomplete_sets, 0);
+            assert_true(link->contact_count > 0);
         }
-        assert_int_equal(link->malformed + link->incomplete_sets, 0);
-        assert_true(link->contact_count > 0);
+        assert_int_equal(session_node(l.session)->queue_overflows, 0);
         loop_close(&l);
+        assert_int_equal(l.result.device_rejected + l.result.device_late, 0);
         loop_end(&l);
     }
     dbc_free(dbc);
