@@ -1,4 +1,4 @@
-/* Inside of struct model: shared by model.c, solve.c, constrained.c, compliance.c and nonlinear.c only. */
+/* Inside of struct model: shared by model.c, solve.c, constrained.c, compliance.c, nonlinear.c and second_order.c only. */
 #ifndef TROCAR_MODEL_STATE_H
 #define TROCAR_MODEL_STATE_H
 

@@ -130,24 +130,79 @@ double neo_hookean_element(const struct element *element, struct lame material, 
     return energy + V * material.lambda_Pa / 2 * log_mean * log_mean;
 }
 
-double neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order, const double *u)
+/* tr A B */
+static double trace(double A[3][3], double B[3][3])
+{
+    double sum = 0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            sum += A[a][b] * B[b][a];
+    return sum;
+}
+
+static void product(double A[3][3], double B[3][3], double AB[3][3])
+{
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            AB[a][b] = A[a][0] * B[0][b] + A[a][1] * B[1][b] + A[a][2] * B[2][b];
+}
+
+/* += share tr (x X + y Y + z Z)^3, in the ten monomials. */
+static void add_cubes(double H[3][3][3], double share, double cubes[NEO_HOOKEAN_CUBIC])
+{
+    double XX[3][3], YY[3][3], ZZ[3][3], XY[3][3], YX[3][3];
+    product(H[0], H[0], XX);
+    product(H[1], H[1], YY);
+    product(H[2], H[2], ZZ);
+    product(H[0], H[1], XY);
+    product(H[1], H[0], YX);
+    const double sum[NEO_HOOKEAN_CUBIC] = {trace(XX, H[0]),     trace(YY, H[1]),
+                                           trace(ZZ, H[2]),     3 * trace(XX, H[1]),
+                                           3 * trace(XX, H[2]), 3 * trace(YY, H[0]),
+                                           3 * trace(YY, H[2]), 3 * trace(ZZ, H[0]),
+                                           3 * trace(ZZ, H[1]), 3 * (trace(XY, H[2]) + trace(YX, H[2]))};
+    for (int k = 0; k < NEO_HOOKEAN_CUBIC; k++)
+        cubes[k] += share * sum[k];
+}
+
+/* (x gx + y gy + z gz) (q_xx x^2 + 2 q_xy x y + ...), in the ten monomials. */
+static void multiply(const double g[3], double q[3][3], double out[NEO_HOOKEAN_CUBIC])
+{
+    const double product[NEO_HOOKEAN_CUBIC] = {g[0] * q[0][0],
+                                               g[1] * q[1][1],
+                                               g[2] * q[2][2],
+                                               g[1] * q[0][0] + 2 * g[0] * q[0][1],
+                                               g[2] * q[0][0] + 2 * g[0] * q[0][2],
+                                               g[0] * q[1][1] + 2 * g[1] * q[0][1],
+                                               g[2] * q[1][1] + 2 * g[1] * q[1][2],
+                                               g[0] * q[2][2] + 2 * g[2] * q[0][2],
+                                               g[1] * q[2][2] + 2 * g[2] * q[1][2],
+                                               2 * (g[0] * q[1][2] + g[1] * q[0][2] + g[2] * q[0][1])};
+    memcpy(out, product, sizeof product);
+}
+
+void neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order, const double *u,
+                       double cubic[NEO_HOOKEAN_CUBIC])
 {
     size_t nodes = element_nodes(order), points = order == ELEMENT_QUADRATIC ? 4 : 1;
-    double cubes = 0, g = 0, h = 0;
-    for (size_t q = 0; q < points; q++) {
-        double gradient[NEO_HOOKEAN_NODES][3], H[3][3], square[3][3] = {{0}};
-        gradients_at(element, order, points, q, gradient);
-        displacement_gradient(gradient, nodes, u, H);
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++)
-                for (int c = 0; c < 3; c++)
-                    square[a][b] += H[a][c] * H[c][b];
-        double trace = H[0][0] + H[1][1] + H[2][2];
-        g += trace / (double)points;
-        h += (trace * trace - square[0][0] - square[1][1] - square[2][2]) / 2 / (double)points;
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++)
-                cubes += square[a][b] * H[b][a] / (double)points;
+    double cubes[NEO_HOOKEAN_CUBIC] = {0}, volume[NEO_HOOKEAN_CUBIC], g[3] = {0}, q[3][3] = {{0}};
+    for (size_t p = 0; p < points; p++) {
+        double gradient[NEO_HOOKEAN_NODES][3], H[3][3][3], g_here[3];
+        gradients_at(element, order, points, p, gradient);
+        for (int k = 0; k < 3; k++) {
+            displacement_gradient(gradient, nodes, u + 3 * nodes * (size_t)k, H[k]);
+            g_here[k] = H[k][0][0] + H[k][1][1] + H[k][2][2];
+            g[k] += g_here[k] / (double)points;
+        }
+        for (int k = 0; k < 3; k++)
+            for (int l = 0; l <= k; l++)
+                q[k][l] += (g_here[k] * g_here[l] - trace(H[k], H[l])) / 2 / (double)points;
+        add_cubes(H, 1 / (double)points, cubes);
     }
-    return element->volume_m3 * (-material.mu_Pa / 3 * cubes + material.lambda_Pa * (g * h - g * g * g / 2));
+    for (int k = 0; k < 3; k++) /* h - g^2 / 2 */
+        for (int l = 0; l <= k; l++)
+            q[l][k] = q[k][l] -= g[k] * g[l] / 2;
+    multiply(g, q, volume);
+    for (int k = 0; k < NEO_HOOKEAN_CUBIC; k++)
+        cubic[k] += element->volume_m3 * (-material.mu_Pa / 3 * cubes[k] + material.lambda_Pa * volume[k]);
 }

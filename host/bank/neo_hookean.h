@@ -21,8 +21,11 @@ double neo_hookean_element(const struct element *element, struct lame material, 
                            const double *u, double *force, double *tangent, double *least_volume);
 
 /* The part of the energy that is cubic in u, J, of what `neo_hookean_element` says: with H = grad u and means over the element
- *   V { -mu/3 mean tr H^3 + lambda (g h - g^3 / 2) },   g = mean tr H,  h = mean ((tr H)^2 - tr H^2)/2. */
-double neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order,
-                         const double *u);
+ *   V { -mu/3 mean tr H^3 + lambda (g h - g^3 / 2) },   g = mean tr H,  h = mean ((tr H)^2 - tr H^2)/2,
+ * as a form in (x, y, z) of u = x X + y Y + z Z: `u` holds the fields X, Y, Z one after the other, 3 per node each. The coefficients
+ * of xxx yyy zzz xxy xxz yyx yyz zzx zzy xyz are added to `cubic`. */
+enum { NEO_HOOKEAN_CUBIC = 10 };
+void neo_hookean_cubic(const struct element *element, struct lame material, enum element_order order, const double *u,
+                       double cubic[NEO_HOOKEAN_CUBIC]);
 
 #endif

@@ -42,14 +42,4 @@ int nonlinear_press(struct nonlinear *nonlinear, const struct nonlinear_rows *ro
 /* dE/du without the tools: the forces that hold the body at u, N, over unknowns. False when an element is inverted. */
 bool nonlinear_force(const struct nonlinear *nonlinear, const double *u, double *force);
 
-/* The linear answer: A = (B K^-1 B^t + epsilon I)^-1 (rows^2, N/m) and, for each row, the displacement field (model_unknowns)
- * when that row is moved by 1 and the others are held. */
-int nonlinear_linear(struct nonlinear *nonlinear, const struct nonlinear_rows *rows, double epsilon_m_N, double *A,
-                     double *field, struct failure *why);
-
-/* The cubic part of the body's energy at u (neo_hookean.h), J. */
-double nonlinear_cubic(const struct nonlinear *nonlinear, const double *u);
-
-size_t nonlinear_unknowns(const struct nonlinear *nonlinear);
-
 #endif

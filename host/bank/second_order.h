@@ -21,15 +21,26 @@ struct second_order {
     double cubic[SECOND_ORDER_TERMS]; /* coefficients of T, N/m2 */
 };
 
-/* Of one tool: `rows` are its three components (nonlinear.h), along x, y, z. MODEL_MATERIAL, MODEL_FACTOR, MEMORY. */
-int second_order_find(struct nonlinear *nonlinear, const struct nonlinear_rows *rows, double epsilon_m_N,
-                      struct second_order *site, struct failure *why);
+/* Of tools that act one at a time: the rows 3 s, 3 s + 1, 3 s + 2 (nonlinear.h) are the components of tool s, along x, y, z. Three
+ * solves each, and one pass over the elements. MODEL_MATERIAL, MODEL_FACTOR, MEMORY, INTERRUPTED. */
+int second_order_find(struct model *model, size_t sites, const struct nonlinear_rows *rows, double epsilon_m_N,
+                      struct second_order *site, bool quiet, struct failure *why);
+
+double second_order_energy(const struct second_order *site, const double d[3]); /* T(d), J */
 
 /* grad T(d), N: to be added to A d. */
 void second_order_force(const struct second_order *site, const double d[3], double force[3]);
 
+/* The same form in axes turned by the rotation R (row-major): T'(d) = T(R d). */
+void second_order_turn(const struct second_order *site, const double R[9], double cubic[SECOND_ORDER_TERMS]);
+
 /* How far the tool may go along a unit direction before the force along it, A d + grad T, stops growing: m, INFINITY when it
  * never does. Half of it is a range in which the correction is below a quarter of the force. */
 double second_order_range(const struct second_order *site, const double direction[3]);
+
+/* Half of the smallest of these over all directions: within it the corrected energy is convex, so that force grows with depth in
+ * every direction, with half of the linear stiffness or more. A cubic form is largest along a direction, not between two (Banach
+ * 1938), so directions decide. */
+double second_order_safe_range(const struct second_order *site);
 
 #endif

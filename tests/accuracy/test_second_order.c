@@ -83,7 +83,7 @@ static void what_is_left_is_of_third_order(void **state)
             struct tool tool;
             struct second_order second;
             tool_at(&s, t, 0.04, &tool);
-            must(second_order_find(n, &tool.rows, EPSILON, &second, &why), &why);
+            must(second_order_find(s.model, 1, &tool.rows, EPSILON, &second, true, &why), &why);
             double direction[3], length = 0, error[2][2];
             for (int a = 0; a < 3; a++) {
                 direction[a] = 2 * draw(&seed) - 1;
@@ -186,7 +186,7 @@ static void compare(struct specimen *s, int sites, double extent_m, double radiu
         struct second_order second;
         struct nonlinear_report report;
         tool_at(s, t, radius_m, &tool);
-        must(second_order_find(n, &tool.rows, EPSILON, &second, &why), &why);
+        must(second_order_find(s->model, 1, &tool.rows, EPSILON, &second, true, &why), &why);
         if (site == 0) { /* the training line */
             double linear[TRAINING], force[TRAINING], p[3] = {0};
             memset(u, 0, model_unknowns(s->model) * sizeof *u);
