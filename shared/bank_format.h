@@ -298,6 +298,24 @@ struct bank_viscoelastic {
     struct bank_branch branch[];
 };
 
+/* NEOH, present exactly when the effect neo_hookean is named: this record, then per vertex, count = vertices, the cubic part of the
+ * body's energy under a tool there that pushes, in linear elasticity, with the force (x, y, z): T = unit_m_N2 times the sum of
+ * `cubic` times xxx yyy zzz xxy xxz yyx yyz zzx zzy xyz, J. */
+#define BANK_NEOH        BANK_TAG('N', 'E', 'O', 'H')
+#define BANK_MAX_CUBIC   1e9f
+#define BANK_MAX_RANGE_J 1e9f
+enum { BANK_CUBIC_TERMS = 10 };
+struct bank_cubic {
+    float unit_m_N2; /* 0 to BANK_MAX_CUBIC */
+    float range_J;   /* above 0: up to this Q, force times displacement of the linear answer, T is as written */
+    int16_t cubic[BANK_CUBIC_TERMS];
+};
+struct bank_neo_hookean {
+    float radius_m;       /* of the tool that T was found for */
+    uint32_t reserved[3]; /* 0 */
+    struct bank_cubic vertex[];
+};
+
 /* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
@@ -319,6 +337,8 @@ _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record"
 _Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");
 _Static_assert(sizeof(struct bank_branch) == 16, "layout of a branch");
 _Static_assert(sizeof(struct bank_viscoelastic) == 16, "layout of the record before the branches");
+_Static_assert(sizeof(struct bank_cubic) == 28, "layout of a cubic form");
+_Static_assert(sizeof(struct bank_neo_hookean) == 16, "layout of the record before the cubic forms");
 _Static_assert(sizeof(struct bank_sphere) == 32, "layout of a sphere");
 _Static_assert(sizeof(struct bank_shape) == 560, "layout of the record before the seeds");
 _Static_assert(sizeof(struct bank_axis) == 28, "layout of an axis");

@@ -41,6 +41,7 @@ struct bank_fixture_options {
     double flatten;                 /* the sphere's height in radii; 0: 1 */
     unsigned branches;              /* 0: the bank does not name viscoelastic */
     struct bank_branch branch[BANK_MAX_BRANCHES];
+    const struct bank_cubic *cubic; /* per vertex; NULL: the bank does not name neo_hookean */
 };
 
 static const struct bank_fixture_options bank_fixture_default = {.subdivisions = 2,
@@ -378,6 +379,8 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         {0},
         {0},
         {0},
+        {0},
+        {0},
     };
     uint32_t parts = 8, effects = 0;
     struct bank_viscoelastic *visco = calloc(1, sizeof *visco + sizeof o->branch);
@@ -411,11 +414,19 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         part[parts++] = (struct fixture_part){BANK_VISC, BANK_REQUIRED, 1, o->branches, 16 + 16 * o->branches, visco};
         effects |= EFFECT_VISCOELASTIC;
     }
+    struct bank_neo_hookean *neo = calloc(1, sizeof *neo + n * sizeof neo->vertex[0]);
+    neo->radius_m = (float)o->tip_radius_m;
+    if (o->cubic) {
+        uint32_t size = (uint32_t)(sizeof *neo + n * sizeof neo->vertex[0]);
+        memcpy(neo->vertex, o->cubic, n * sizeof neo->vertex[0]);
+        part[parts++] = (struct fixture_part){BANK_NEOH, BANK_REQUIRED, 1, n, size, neo};
+        effects |= EFFECT_NEO_HOOKEAN;
+    }
     unsigned char *bytes = bank_fixture_join(part, parts, length);
     ((struct bank_header *)bytes)->effects = effects;
     bank_fixture_seal(bytes, *length);
-    free(part[3].data), free(half.data), free(shape.data), free(visco), free(row_of), free(t), free(normal), free(x),
-        free(s.x), free(s.t);
+    free(part[3].data), free(half.data), free(shape.data), free(visco), free(neo), free(row_of), free(t), free(normal),
+        free(x), free(s.x), free(s.t);
     return bytes;
 }
 

@@ -16,6 +16,9 @@
 #if IF_GRASP(1) + 0
 #include "effects/grasp.h"
 #endif
+#if IF_NEO_HOOKEAN(1) + 0
+#include "effects/neo_hookean.h"
+#endif
 #if IF_SECOND(1) + 0
 #include "effects/second.h"
 #endif

@@ -70,6 +70,13 @@ static inline bool effects_push(struct controller *c, const struct bank_view *ba
     return false;
 }
 
+/* After the push: what else than linear elasticity decides the forces. */
+static inline void effects_correct(struct controller *c, const struct bank_view *bank)
+{
+    (void)c, (void)bank;
+    IF_NEO_HOOKEAN(if (bank->neo_hookean) neo_hookean_correct(&c->neo_hookean, bank, &c->contact);)
+}
+
 /* After the forces of this tick are known: what an effect remembers of them. */
 static inline void effects_follow(struct controller *c, const struct bank_view *bank)
 {

@@ -21,6 +21,12 @@
 #define IF_GRASP(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_neo_hookean)
+#define IF_NEO_HOOKEAN(...) __VA_ARGS__
+#else
+#define IF_NEO_HOOKEAN(...)
+#endif
+
 #if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_second)
 #define IF_SECOND(...) __VA_ARGS__
 #else

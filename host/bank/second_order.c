@@ -174,13 +174,13 @@ double second_order_energy(const struct second_order *site, const double d[3])
     return sum;
 }
 
-void second_order_turn(const struct second_order *site, const double R[9], double cubic[SECOND_ORDER_TERMS])
+void second_order_map(const struct second_order *site, const double M[9], double cubic[SECOND_ORDER_TERMS])
 {
     double T[SECOND_ORDER_TERMS];
     for (int k = 0; k < SECOND_ORDER_TERMS; k++) {
         double d[3];
         for (int a = 0; a < 3; a++)
-            d[a] = R[3 * a] * probe[k][0] + R[3 * a + 1] * probe[k][1] + R[3 * a + 2] * probe[k][2];
+            d[a] = M[3 * a] * probe[k][0] + M[3 * a + 1] * probe[k][1] + M[3 * a + 2] * probe[k][2];
         T[k] = second_order_energy(site, d);
     }
     coefficients(T, cubic);
@@ -212,40 +212,42 @@ double second_order_range(const struct second_order *site, const double directio
     return second < 0 ? -linear / (2 * second) : INFINITY;
 }
 
-/* Directions that cover the half sphere (a Fibonacci lattice), the best of them improved by smaller and smaller turns. */
-double second_order_safe_range(const struct second_order *site)
+/* |3 T| at d.A d = 1. */
+static double steepness(const struct second_order *site, const double d[3])
 {
-    enum { DIRECTIONS = 256, TURNS = 24 };
-    double best[3] = {0, 0, 1}, least = INFINITY, step = 0.15;
-    for (int k = 0; k < DIRECTIONS; k++) {
-        double z = (k + 0.5) / DIRECTIONS, r = sqrt(1 - z * z), angle = 2.399963229728653 * k;
-        double d[3] = {r * cos(angle), r * sin(angle), z};
-        for (int sign = 0; sign < 2; sign++, d[0] = -d[0], d[1] = -d[1], d[2] = -d[2]) {
-            double range = second_order_range(site, d);
-            if (range < least) {
-                least = range;
-                memcpy(best, d, sizeof best);
-            }
+    double Q = 0;
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            Q += d[a] * site->A[a][b] * d[b];
+    return fabs(3 * second_order_energy(site, d)) / (Q * sqrt(Q));
+}
+
+/* Directions that cover the half sphere (a Fibonacci lattice) in the axes in which A is 1; the best of them is improved by smaller
+ * and smaller turns. */
+double second_order_range_J(const struct second_order *site)
+{
+    enum { DIRECTIONS = 256, TURNS = 40 };
+    double L[9], best[3] = {0, 0, 1}, most = 0, step = 0.15;
+    memcpy(L, site->A, sizeof L);
+    LAPACKE_dpotrf(LAPACK_ROW_MAJOR, 'L', 3, L, 3);
+    for (int k = 0; k < DIRECTIONS + 6 * TURNS; k++) {
+        double y[3], d[3];
+        int turn = k - DIRECTIONS;
+        if (turn < 0) {
+            double z = (k + 0.5) / DIRECTIONS, r = sqrt(1 - z * z), angle = 2.399963229728653 * k;
+            memcpy(y, (double[3]){r * cos(angle), r * sin(angle), z}, sizeof y);
+        } else {
+            memcpy(y, best, sizeof y);
+            y[turn % 3] += turn / 3 % 2 ? step : -step;
+            step *= turn % 6 == 5 ? 0.75 : 1;
+        }
+        memcpy(d, y, sizeof d); /* L^t d = y */
+        LAPACKE_dtrtrs(LAPACK_ROW_MAJOR, 'L', 'T', 'N', 3, 1, L, 3, d, 1);
+        double now = steepness(site, d);
+        if (now > most) {
+            most = now;
+            memcpy(best, y, sizeof best);
         }
     }
-    for (int turn = 0; turn < TURNS; turn++) {
-        bool better = false;
-        for (int k = 0; k < 6; k++) {
-            double d[3] = {best[0], best[1], best[2]}, length = 0;
-            d[k / 2] += k % 2 ? step : -step;
-            for (int a = 0; a < 3; a++)
-                length += d[a] * d[a];
-            for (int a = 0; a < 3; a++)
-                d[a] /= sqrt(length);
-            double range = second_order_range(site, d);
-            if (range < least) {
-                least = range;
-                memcpy(best, d, sizeof best);
-                better = true;
-            }
-        }
-        if (!better)
-            step /= 2;
-    }
-    return least / 2;
+    return 1 / (16 * most * most);
 }

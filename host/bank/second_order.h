@@ -31,16 +31,16 @@ double second_order_energy(const struct second_order *site, const double d[3]); 
 /* grad T(d), N: to be added to A d. */
 void second_order_force(const struct second_order *site, const double d[3], double force[3]);
 
-/* The same form in axes turned by the rotation R (row-major): T'(d) = T(R d). */
-void second_order_turn(const struct second_order *site, const double R[9], double cubic[SECOND_ORDER_TERMS]);
+/* The same form of another argument: T'(d) = T(M d), M row-major. With M = A^-1 it is T as a form of the linear force. */
+void second_order_map(const struct second_order *site, const double M[9], double cubic[SECOND_ORDER_TERMS]);
 
 /* How far the tool may go along a unit direction before the force along it, A d + grad T, stops growing: m, INFINITY when it
- * never does. Half of it is a range in which the correction is below a quarter of the force. */
+ * never does. */
 double second_order_range(const struct second_order *site, const double direction[3]);
 
-/* Half of the smallest of these over all directions: within it the corrected energy is convex, so that force grows with depth in
- * every direction, with half of the linear stiffness or more. A cubic form is largest along a direction, not between two (Banach
- * 1938), so directions decide. */
-double second_order_safe_range(const struct second_order *site);
+/* Up to this d.A d, J, the corrected energy is convex, so that force grows with depth in every direction, with half of the linear
+ * stiffness or more: the largest |3 T| is a quarter of (d.A d) there. A cubic form is largest along one direction, not between
+ * two (Banach 1938), so directions decide. */
+double second_order_range_J(const struct second_order *site);
 
 #endif

@@ -36,6 +36,13 @@ static double viscoelastic(double branches, double m)
     return branches == 0 ? 0 : m * (700 + 300 * branches) + 500 * branches;
 }
 
+/* Of the second push, which shares the first's steps but for one: the system assembled again, forms, energies
+ * (firmware/effects/neo_hookean.c). */
+static double corrected(bool is, double m)
+{
+    return is ? solver_step(m) + 90 * m * m + 700 * m + 1000 : 0;
+}
+
 struct worst_effects worst_tick_effects(const struct scene *scene)
 {
     const struct scene_effects *e = &scene->effects;
@@ -49,6 +56,7 @@ struct worst_effects worst_tick_effects(const struct scene *scene)
         w.modes = e->swing.modes;
     if (e->named & EFFECT_VISCOELASTIC)
         w.branches = (unsigned)e->viscoelastic.series.count + (e->viscoelastic.series.viscosity_s > 0);
+    w.corrected = e->named & EFFECT_NEO_HOOKEAN;
     return w;
 }
 
@@ -63,7 +71,7 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
     double solver =
         effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides) : steps * solver_step(m);
-    solver += swing(effects.modes, m) + viscoelastic(effects.branches, m);
+    solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m);
     return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);
 }

@@ -7,7 +7,7 @@
  *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
  *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
  *     or, with friction or grasp, sweeps (m^2, m)   round the contacts, each seeing all others (firmware/effects/cone.c)
- *   + what swing and visco-elastic tissue do at every contact (firmware/effects)
+ *   + what swing, visco-elastic and neo-Hookean tissue do at every contact (firmware/effects)
  *   + (row work + overshoot) WORST_TICK_WORK   rows of the factor: the tick's share (CONT row_work) and the portion and
  *                                              product that may pass it; none with a plain bank
  *
@@ -36,6 +36,7 @@ struct worst_effects {
     bool slides;       /* with friction: each sweep looks for the slip of each contact */
     unsigned modes;    /* of swing */
     unsigned branches; /* of visco-elastic tissue */
+    bool corrected;    /* the forces are corrected and pushed again */
 };
 
 /* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */

@@ -11,6 +11,7 @@
 
 #include "scene_friction.h"
 #include "scene_grasp.h"
+#include "scene_neo_hookean.h"
 #include "scene_second.h"
 #include "scene_shape.h"
 #include "scene_swing.h"

@@ -29,10 +29,13 @@ void run_report_table(FILE *out, const struct session_result *r)
                     i->force_error_vs_fem);
     }
     if (r->fem_known)
-        fprintf(out, "%-26s %.2g of %.3f N, over %u ticks\n", "error against full FE", r->force_error_vs_fem,
-                r->peak_fem_force_N, r->fem_compared);
+        fprintf(out, "%-26s %.2g of %.3f N, over %u ticks (%s)\n", "error against full FE", r->force_error_vs_fem,
+                r->peak_fem_force_N, r->fem_compared, r->fem_reference);
     else
         fprintf(out, "%-26s not known: %s\n", "error against full FE", r->fem_reason);
+    if (r->correction_N > 0)
+        fprintf(out, "%-26s %.3f N at most, %u ticks beyond its range\n", "correction of linear force", r->correction_N,
+                r->beyond_range);
     fprintf(out, "%-26s %s%s%s\n", "state at the end", state_of(r), r->reason ? ", " : "",
             r->reason ? status_name(r->reason) : "");
     fprintf(out, "%-26s %u clamped, %u rate-limited, %u braked for passivity\n", "force limited in ticks", r->clamps,
@@ -94,6 +97,7 @@ static void fill(struct json_object *o, const struct session_result *r)
     real(o, "peak_force_N", r->peak_force_N);
     if (r->fem_known) {
         real(o, "force_error_vs_fem", r->force_error_vs_fem);
+        text(o, "fem_reference", r->fem_reference);
     } else {
         json_object_object_add(o, "force_error_vs_fem", NULL);
         text(o, "fem_reason", r->fem_reason);
@@ -103,6 +107,8 @@ static void fill(struct json_object *o, const struct session_result *r)
     real(o, "peak_contact_force_N", r->peak_contact_force_N);
     real(o, "peak_fem_force_N", r->peak_fem_force_N);
     integer(o, "fem_compared", r->fem_compared);
+    real(o, "correction_N", r->correction_N);
+    integer(o, "beyond_range", r->beyond_range);
     integer(o, "contact_ticks", r->contact_ticks);
     integer(o, "max_contacts", r->max_contacts);
     integer(o, "max_factors", r->max_factors);

@@ -34,6 +34,7 @@ REPORTS = {  # what a fault's report must say
 # Scenes with effects, as few as hold all. A new one joins here.
 EFFECTS = {"friction": "effects: {friction: {mu: 0.3}}", "swing": "effects: {swing: {modes: 4}}",
            "viscoelastic": "effects: {viscoelastic: {prony: [[0.5, 0.05 s], [1, 0.5 s]]}}",
+           "neo_hookean": "effects: {neo_hookean: {sites: 60}}",
            "grasp": "effects: {grasp: {closes: 60 %, opens: 40 %, slip: 2 N, sweeps: 10}}",
            "shape": "effects: {shape: {jaws: {}}}"}
 EFFECTS_GESTURE = ("approach 0.3 s\npress 15 mm in 0.4 s\nclose 0.1 s\nslide 15 mm 10 mm in 0.4 s\nopen 0.1 s\n"
