@@ -177,6 +177,14 @@ static void plain(const struct work *w, size_t i, size_t j, uint32_t multiple, i
         out[k] = nearest(w->cholesky->L[ld * (3 * j + k % 3) + 3 * i + k / 3] / w->factor->rounding.step, multiple);
 }
 
+/* Whether component b of Q_jj is there only because feedback divides by it: nothing is left of it when the earlier ones are known, as
+ * where a node slides on an oblique plane. */
+static bool all_rounding(const struct work *w, size_t j, int b, const int16_t diagonal[9])
+{
+    const struct cholesky *c = w->cholesky;
+    return c->L[(3 * c->rows + 1) * (3 * j + (size_t)b)] < 0.5 * w->factor->rounding.step * diagonal[4 * b];
+}
+
 /* The block for which the product meets G_ij: X Q_jj^t = G_ij / step^2 - sum, a column at a time. What it makes good is the
  * rounding of earlier columns, a few multiples; where it asks for more, at steps so coarse that Q_jj is mostly rounding,
  * making good would grow from row to row, and L's own block is taken. */
@@ -197,6 +205,9 @@ static void with_feedback(const struct work *w, size_t i, size_t j, uint32_t mul
     int32_t own[9];
     bool far = false;
     plain(w, i, j, multiple, own);
+    for (int k = 0; k < 9; k++)
+        if (all_rounding(w, j, k % 3, d))
+            out[k] = own[k];
     for (int k = 0; k < 9; k++)
         far = far || abs(out[k] - own[k]) > FEEDBACK_MAX * (int32_t)multiple;
     if (far)
