@@ -16,6 +16,11 @@ unsigned scene_shape_samples(const struct scene_shape *shape)
     return shape->shaft.samples + (shape->jaws ? 2 * shape->jaw.samples : 0);
 }
 
+static bool has_shape(const struct scene_shape *shape, const struct scene_instrument *instrument)
+{
+    return !*shape->instrument || !strcmp(shape->instrument, instrument->name);
+}
+
 /* Between neighbours, or beyond the only one, in radii. */
 static double gap(const struct scene_capsule *c, bool open_end)
 {
@@ -25,7 +30,9 @@ static double gap(const struct scene_capsule *c, bool open_end)
 
 void scene_shape_spread(struct scene_shape *shape, unsigned samples)
 {
-    shape->shaft.samples = shape->jaw.samples = 1;
+    bool pair = shape->jaws && samples > 1;
+    shape->shaft.samples = !pair || samples > 2;
+    shape->jaw.samples = pair;
     while (scene_shape_samples(shape) < samples) {
         bool jaws = shape->jaws && gap(&shape->jaw, true) > gap(&shape->shaft, false);
         if (jaws && scene_shape_samples(shape) + 2 <= samples)
@@ -33,6 +40,15 @@ void scene_shape_spread(struct scene_shape *shape, unsigned samples)
         else
             shape->shaft.samples++;
     }
+}
+
+void scene_shape_sample(struct scene *scene, unsigned samples)
+{
+    struct scene_shape *s = &scene->effects.shape;
+    scene_shape_spread(s, samples);
+    for (size_t i = 0; i < scene->instrument_count; i++)
+        if (has_shape(s, &scene->instrument[i]))
+            scene->instrument[i].tip_points = scene_shape_samples(s);
 }
 
 static void capsule(struct tree *t, tree_node map, const char *name, const char *const *keys, struct scene_capsule *c)
@@ -50,11 +66,6 @@ static void capsule(struct tree *t, tree_node map, const char *name, const char 
     tree_require(t, samples, good, "samples = %g: a whole number from 1 to %d is needed", count, BANK_MAX_TOOL_POINTS);
     if (good)
         c->samples = (unsigned)count;
-}
-
-static bool has_shape(const struct scene_shape *shape, const struct scene_instrument *instrument)
-{
-    return !*shape->instrument || !strcmp(shape->instrument, instrument->name);
 }
 
 /* From the tip to the end of the rearmost sphere. */
@@ -157,6 +168,8 @@ void scene_shape_spheres(const struct scene *scene, struct bank_shape *shape)
     for (size_t i = 0; i < scene->instrument_count; i++) {
         struct bank_tool tool;
         struct failure none;
+        if (sphere + scene->instrument[i].tip_points > shape->sphere + BANK_MAX_TOOL_POINTS)
+            return; /* apply() refuses such a scene */
         if (has_shape(s, &scene->instrument[i])) {
             shape->opening_rad[i] = s->jaws ? (float)(s->opening_rad / 2) : 0;
             place(s, sphere);

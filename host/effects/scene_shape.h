@@ -34,9 +34,11 @@ int scene_shape_section(const struct scene *scene, struct body *body, struct eff
 
 /* Spheres of an instrument with this shape. */
 unsigned scene_shape_samples(const struct scene_shape *shape);
-/* Share out `samples` spheres: one at the end of each capsule, then one by one (by pairs on the jaws) where neighbours are farthest
- * apart for their radius. Fewer than one per capsule are raised to that; one may be left over. */
+/* Share out `samples` spheres, at least 1: two go to the ends of the jaws, one to the shaft's, then one by one (by pairs on the jaws)
+ * where neighbours are farthest apart for their radius. */
 void scene_shape_spread(struct scene_shape *shape, unsigned samples);
+/* The same for the scene's instruments that have the shape. */
+void scene_shape_sample(struct scene *scene, unsigned samples);
 /* The spheres and openings of the bank's record, and its band; the instruments that do not have the shape keep their points. */
 void scene_shape_spheres(const struct scene *scene, struct bank_shape *shape);
 

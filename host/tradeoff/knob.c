@@ -49,6 +49,8 @@ static void set_points(double value, struct scene *scene)
 {
     for (size_t i = 0; i < scene->instrument_count; i++)
         scene->instrument[i].tip_points = (unsigned)value;
+    if (scene->effects.named & EFFECT_SHAPE)
+        scene_shape_sample(scene, (unsigned)value);
 }
 
 static double steps_of(const struct scene *scene)
@@ -126,7 +128,7 @@ const struct knob_info knob_table[KNOBS] = {
                       .at = {"without effects", "with effects"}},
     [KNOB_POINTS] = {.name = "points",
                      .legend = "points of the tip",
-                     .what = "points that sample the instrument's tip",
+                     .what = "points that sample the instrument's tip, or spheres its shape",
                      .stage = STAGE_CONTROLLER,
                      .best_is_most = true,
                      .quick = 2,
