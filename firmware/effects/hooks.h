@@ -42,6 +42,8 @@ static inline void effects_place(struct controller *c, const struct bank_view *b
     IF_FRICTION(if (bank->friction) friction_place(&c->friction, bank, &c->contact, &c->collide);)
     IF_GRASP(if (bank->grasp) grasp_place(&c->grasp, bank, &c->contact, &c->collide);)
     IF_SWING(if (bank->swing) swing_place(&c->swing, bank, &c->contact);)
+    IF_SHAPE(for (uint32_t t = 0; t < tick_instruments(c) && bank->shape; t++) /* bound: TICK_INSTRUMENTS */
+             shape_place(bank, &c->contact, &c->collide, t, &c->instrument[t].kinematics);)
 }
 
 /* After contact_assemble: what else than the bank's compliance decides how contacts respond to each other. */

@@ -76,7 +76,7 @@ void shape_move(const struct shape *s, const struct bank_view *bank, uint32_t to
         float x = p->centre_m[0] + p->along_m * p->side * wide, y = p->centre_m[1];
         float at[3] = {turn[0] * x - turn[1] * y, turn[1] * x + turn[0] * y,
                        p->centre_m[2] + p->along_m * p->side * p->side * ahead};
-        kinematics_point(k, at, points_m[i]);
+        kinematics_point(k, at, points_m[first + i]);
     }
 }
 
@@ -177,10 +177,18 @@ void shape_touch(struct shape *s, const struct bank_view *bank, struct collide *
     }
 }
 
-void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points,
+void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points, uint32_t tool,
                  const struct kinematics *k)
 {
-    (void)bank, (void)set, (void)points, (void)k;
+    for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        struct contact *at = &set->contact[c];
+        if (contact_tool(at) != tool)
+            continue;
+        float place[3], radius_m = bank->shape->sphere[at->point].radius_m;
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            place[a] = points->point[at->point].position_m[a] - radius_m * at->normal[a];
+        kinematics_pull(k, place, at->normal, at->pull[tool]);
+    }
 }
 
 void shape_expect(const struct shape *s, const struct bank_view *bank, struct row_cache *rows,

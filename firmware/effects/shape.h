@@ -48,14 +48,14 @@ int shape_open(struct bank_view *view);
 
 /* The stages of hooks.h. A sample of an instrument: raw counts; */
 void shape_sense(struct shape *s, uint32_t tool, uint16_t roll, uint16_t grip);
-/* where the centres of its points first .. first + count - 1 are; */
+/* where the centres of its points are, points_m[first .. first + count - 1]; */
 void shape_move(const struct shape *s, const struct bank_view *bank, uint32_t tool, uint32_t first, uint32_t count,
                 const struct kinematics *k, float (*points_m)[3]);
 /* around the collision, which is about centres: what touches from outside is free to it before, and touches after; */
 void shape_hide(const struct shape *s, struct collide *points);
 void shape_touch(struct shape *s, const struct bank_view *bank, struct collide *points);
-/* levers of the contacts; */
-void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points,
+/* levers of a tool's contacts; */
+void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points, uint32_t tool,
                  const struct kinematics *k);
 /* rows that a free sphere near the surface will ask for. */
 void shape_expect(const struct shape *s, const struct bank_view *bank, struct row_cache *rows,

@@ -555,6 +555,141 @@ static void the_force_of_a_sphere_is_its_depth_by_the_compliance(void **state)
     bench_close(&b);
 }
 
+/* The instrument as it is documented (kinematics.h, scene.h), in double: the tip, and a place that is fixed to it. */
+static void pose(const struct bank_tool *tool, const double q[3], const double offset[3], double x[3])
+{
+    double s[3] = {sin(q[0]), sin(q[1]), sqrt(1 - pow(sin(q[0]), 2) - pow(sin(q[1]), 2))}, X[3], Y[3], size = 0;
+    for (int a = 0; a < 3; a++)
+        X[a] = (a == 0) - s[0] * s[a], size += X[a] * X[a];
+    for (int a = 0; a < 3; a++)
+        X[a] /= sqrt(size);
+    for (int a = 0; a < 3; a++)
+        Y[a] = s[(a + 1) % 3] * X[(a + 2) % 3] - s[(a + 2) % 3] * X[(a + 1) % 3];
+    for (int a = 0; a < 3; a++) {
+        x[a] = (double)tool->trocar_m[a];
+        for (int b = 0; b < 3; b++)
+            x[a] +=
+                (double)tool->rotation[3 * a + b] * (offset[0] * X[b] + offset[1] * Y[b] + (q[2] + offset[2]) * s[b]);
+    }
+}
+
+static void differences(const struct bank_tool *tool, const double q[3], const double offset[3], double J[3][3])
+{
+    for (int j = 0; j < 3; j++) {
+        double h = 1e-6, up[3], down[3], x[3], y[3];
+        memcpy(up, q, sizeof up), memcpy(down, q, sizeof down);
+        up[j] += h, down[j] -= h;
+        pose(tool, up, offset, x);
+        pose(tool, down, offset, y);
+        for (int a = 0; a < 3; a++)
+            J[a][j] = (x[a] - y[a]) / (2 * h);
+    }
+}
+
+/* A push moves the joints by n . dx/dq at the place where the sphere touches, the force at the tip by F . dtip/dq: the same. */
+static void a_push_beside_the_tip_has_its_lever(void **state)
+{
+    (void)state;
+    struct scene *scene = malloc(sizeof *scene);
+    struct bank_shape shape = scene_spheres("{shaft: {radius: 4 mm, length: 40 mm, samples: 4}, jaws: {radius: 3 mm, "
+                                            "length: 25 mm, samples: 3}}",
+                                            scene);
+    struct bank_fixture_options o = body(&shape, 0);
+    o.tip_points = 10;
+    struct bench b;
+    bench_open(&b, &o);
+    bench_start(&b, 0, 0, 0.10);
+    const struct controller *c = &b.node.controller;
+    random_seed("lever", 54);
+    double worst = 0, shortest = 1;
+    int checked = 0;
+    for (int n = 0; n < 60; n++) {
+        double to[3] = {random_range(-0.35, 0.35), random_range(-0.35, 0.35), random_range(0.13, 0.19)};
+        unsigned roll = random_below(1024), grip = random_below(64);
+        for (int i = 0; i < 60; i++) {
+            const float *at = c->instrument[0].kinematics.joint;
+            struct can_frame_t frame;
+            node_begin_tick(&b.node);
+            while (node_transmit(&b.node, &frame)) {
+            }
+            struct wire_encoders sample = bench_counts(&b, (double)at[0] + (to[0] - (double)at[0]) / (60 - i),
+                                                       (double)at[1] + (to[1] - (double)at[1]) / (60 - i),
+                                                       (double)at[2] + (to[2] - (double)at[2]) / (60 - i));
+            sample.grip = (uint8_t)grip;
+            sample.roll = (uint16_t)roll;
+            bench_send_sample(&b, sample);
+            bench_finish(&b);
+        }
+        double q[3], force[3] = {0}, J_tip[3][3], work[3] = {0}, none[3] = {0}, size = 0, off = 0;
+        for (int j = 0; j < 3; j++)
+            q[j] = (double)c->instrument[0].kinematics.joint[j];
+        differences(&b.bank.tools[0], q, none, J_tip);
+        for (unsigned k = 0; k < c->contact.count; k++) {
+            const struct contact *at = &c->contact.contact[k];
+            const float *frame = c->instrument[0].kinematics.frame;
+            double offset[3] = {0}, J[3][3];
+            for (int a = 0; a < 3; a++)
+                for (int e = 0; e < 3; e++)
+                    offset[a] += (double)frame[3 * e + a] *
+                                 ((double)c->collide.point[at->point].position_m[e] -
+                                  (double)b.bank.shape->sphere[at->point].radius_m * (double)at->normal[e] -
+                                  (double)c->instrument[0].kinematics.tip_m[e]);
+            differences(&b.bank.tools[0], q, offset, J);
+            for (int j = 0; j < 3; j++)
+                for (int a = 0; a < 3; a++)
+                    work[j] += (double)at->pressure_N * (double)at->normal[a] * J[a][j];
+            shortest = fmin(shortest, (q[2] + offset[2]) / q[2]);
+        }
+        if (c->contact.count == 0)
+            continue;
+        for (int a = 0; a < 3; a++)
+            force[a] = (double)c->contact.force_N[0][a];
+        for (int j = 0; j < 3; j++) {
+            double at_tip = J_tip[0][j] * force[0] + J_tip[1][j] * force[1] + J_tip[2][j] * force[2];
+            double scale = j < 2 ? q[2] : 1;
+            off += pow((at_tip - work[j]) / scale, 2);
+            size += pow(work[j] / scale, 2);
+        }
+        checked++;
+        worst = fmax(worst, sqrt(off / size));
+    }
+    printf("# %d poses, nearest to the trocar at %.2f of the insertion: work differs by at most %.1e of it\n", checked,
+           shortest, worst);
+    assert_true(checked > 20 && shortest < 0.8);
+    /* sums of some ten products in single precision, of pushes that may cancel to a fifth; differences leave 1e-10 */
+    assert_true(worst < 1e-5);
+    bench_close(&b);
+    free(scene);
+}
+
+/* Two instruments: the second one's samples are its own. */
+static void each_instrument_has_its_own_spheres(void **state)
+{
+    (void)state;
+    struct bank_shape shape = {.band_m = 0.01f};
+    for (int i = 0; i < 5; i++)
+        shape.sphere[i] =
+            (struct bank_sphere){.radius_m = i < 2 ? 0.002f : 0.006f, .centre_m = {0, 0, -0.01f * (float)i}};
+    struct bank_view bank = {.shape = &shape};
+    struct kinematics k[2] = {{.frame = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {.frame = {1, 0, 0, 0, 1, 0, 0, 0, 1}}};
+    k[1].tip_m[0] = 1;
+    struct shape s = {0};
+    float x[5][3];
+    shape_sense(&s, 0, 512, 0);
+    shape_sense(&s, 1, 512, 63);
+    shape_move(&s, &bank, 0, 0, 2, &k[0], x);
+    shape_move(&s, &bank, 1, 2, 3, &k[1], x);
+    for (int i = 0; i < 5; i++) {
+        assert_true(x[i][0] == (i < 2 ? 0.0f : 1.0f));
+        assert_true(x[i][2] == -0.01f * (float)i);
+    }
+    s.near = s.outside = 31;
+    shape_forget(&s, 1, 2, 3);
+    assert_int_equal(s.near, 3);
+    assert_int_equal(s.outside, 3);
+    assert_true(s.tool[0].started && !s.tool[1].started);
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -569,6 +704,8 @@ int main(void)
         cmocka_unit_test(a_scene_with_a_shape_reads_back),
         cmocka_unit_test(what_no_instrument_can_be_is_refused),
         cmocka_unit_test(a_damaged_section_is_refused),
+        cmocka_unit_test(a_push_beside_the_tip_has_its_lever),
+        cmocka_unit_test(each_instrument_has_its_own_spheres),
         cmocka_unit_test(the_force_of_a_sphere_is_its_depth_by_the_compliance),
     };
     return cmocka_run_group_tests_name("shape", tests, NULL, NULL);
