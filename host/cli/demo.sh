@@ -3,7 +3,8 @@
 # host on one bus, while the page shows it; print what came out beside an independent finite-element solve.
 #
 # SCENE=name    another scene of host/scenes/demo (default demo), or the path of a scene file
-# GESTURE=name  the hand's gesture (default: the built-in one with the scene's name, or tour)
+# GESTURE=name  the hand's gesture (default: the built-in one with the scene's name, or tour; the second instrument's: the
+#               built-in one with the scene's name and -second, or press)
 # PORT=number   of the page
 # HOLD=1        the page stays up afterwards, until Ctrl-C
 # Everything is written to $B/demo.
@@ -23,12 +24,20 @@ name=$(basename "$file" .yaml)
 out=$build/demo
 gesture=${GESTURE:-tour}
 [ -n "${GESTURE-}" ] || ! "$build/trocar" run --print-gesture "$name" >/dev/null 2>&1 || gesture=$name
+second=
+[ -n "${GESTURE-}" ] || ! "$build/trocar" run --print-gesture "$name-second" >/dev/null 2>&1 || second=$name-second
 mkdir -p "$out"
 
 # The first value behind "KEY" in a file with one JSON object.
 value()
 {
     tr ',{}' '\n\n\n' <"$1" | sed -n 's/^ *"'"$2"'" *: *"\{0,1\}\([^"]*[^" ]\).*/\1/p' | head -n 1
+}
+
+# The objects of the list "instruments", one a line.
+instruments()
+{
+    tr '{' '\n' <"$1" | sed -n '/^ *"name"/p'
 }
 
 row()
@@ -58,6 +67,15 @@ table()
     row "ticks of 1 ms" "$(value "$r" ticks)"
     row "missed ticks" "$(value "$r" missed)"
     row "peak force" "$(number '%.3f N' "$(value "$r" peak_force_N)")"
+    if [ "$(instruments "$r" | wc -l)" -gt 1 ]; then
+        instruments "$r" | while IFS= read -r one; do
+            printf '%s\n' "$one" >"$out/$name.one.json"
+            o=$out/$name.one.json
+            force=$(number '%.3f N' "$(value "$o" peak_force_N)")
+            other=$(value "$o" from_other_N)
+            row "  of instrument $(value "$o" name)" "$force${other:+; at most $(number '%.3f N' "$other") because of the other one}"
+        done
+    fi
     error=$(value "$r" force_error_vs_fem)
     case $error in
     '' | null) row "controller against finite elements" "not compared: $(value "$r" fem_reason)" ;;
@@ -73,7 +91,7 @@ trap : INT # whoever ends HOLD with Ctrl-C still gets the table and the status
 echo 1 >"$out/status"
 {
     status=0
-    "$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "$gesture" --torque-log "$out/$name.log" \
+    "$build/trocar" run "$file" --bank "$out/$name.bank" --gesture "$gesture" ${second:+--gesture "$second"} --torque-log "$out/$name.log" \
         --view ${PORT:+--port "$PORT"} ${HOLD:+--hold} --json || status=$?
     echo $status >"$out/status"
 } | table || [ "$(cat "$out/status")" -ne 0 ] || exit 1

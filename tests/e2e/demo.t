@@ -1,5 +1,5 @@
 #!/bin/sh
-# What `make demo` runs ends with the table, and every figure in it is there and plausible.
+# What `make demo` runs, with each of the demo's scenes, ends with the table, and every figure in it is there and plausible.
 set -u
 build=${B:-build}
 place=$(mktemp -d) || exit 1
@@ -30,7 +30,15 @@ within() # NAME OF THE ROW, LEAST, MOST
         'BEGIN { exit !(value != "" && value + 0 >= least && value + 0 <= most) }'
 }
 
-echo 1..6
+# The controller's force is that of the finite elements to within what the bank's compression was measured to cost at most, when
+# it was built; KEY says for which contacts.
+agrees() # SCENE, KEY
+{
+    bound=$(sed -n 's/.*"'"$2"'": {[^}]*"max": \([0-9.e-]*\).*/\1/p' "$build/demo/$1.build.json")
+    within "controller against finite elements" 0 "${bound:-0}"
+}
+
+echo 1..11
 B=$build PORT=0 GESTURE=press host/cli/demo.sh >"$place/out" 2>"$place/err" </dev/null
 result $? "the demo succeeds without a browser"
 grep -q 'http://127\.0\.0\.1:[0-9]' "$place/out" "$place/err"
@@ -41,8 +49,20 @@ within "ticks of 1 ms" 500 1e6 && within "missed ticks" 0 0
 result $? "it says how many ticks ran, and none was missed"
 within "peak force" 0.01 100
 result $? "the hand felt a force"
-# what the bank's compression was measured to cost at most, when it was built
-bound=$(sed -n 's/.*"force_error": {[^}]*"max": \([0-9.e-]*\).*/\1/p' "$build/demo/demo.build.json")
-within "controller against finite elements" 0 "${bound:-0}"
+agrees demo force_error
 result $? "the controller's force is that of the finite elements within the bank's stated error, $bound"
+
+B=$build PORT=0 SCENE=grasp host/cli/demo.sh >"$place/out" 2>"$place/err" </dev/null
+result $? "the jaws' demo succeeds"
+within "ticks of 1 ms" 3000 1e6 && within "missed ticks" 0 0 && within "peak force" 0.1 100
+result $? "it closes and opens the jaws, and the hand feels it"
+
+B=$build PORT=0 SCENE=two_tools host/cli/demo.sh >"$place/out" 2>"$place/err" </dev/null
+result $? "the demo of two instruments succeeds"
+within "ticks of 1 ms" 5000 1e6 && within "missed ticks" 0 0 && within "  of instrument right" 0.1 100 && within "  of instrument left" 0.1 100 &&
+    [ "$(figure "  of instrument right")" != "$(figure "  of instrument left")" ] &&
+    [ "$(sed -n 's/.*at most \(0\.[0-9]*[1-9][0-9]*\) N because of the other one$/\1/p' "$place/out" | wc -l)" -eq 2 ]
+result $? "each hand feels a force of its own, and a part of it is the other's doing"
+agrees two_tools two
+result $? "both forces are those of the finite elements within what the bank states for two contacts, $bound"
 exit $failed
