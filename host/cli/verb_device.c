@@ -22,20 +22,25 @@ static void help(void)
         "  -g, --gesture G    what the hand does once there is torque: %s, or a file (default press)\n"
         "      --repeat       over and over, until Ctrl-C (default: once, then it leaves the bus)\n"
         "  -n, --ticks N      leave after N ticks\n"
-        "      --node N       its number, that of its controller (default 1)\n"
+        "      --instrument N which of the bank's instruments, 1 or 2 (default 1)\n"
+        "      --node N       its number on the bus (default: the instrument's)\n"
         "      --device NAME  the instrument (default: the scene's; known: %s)\n",
         gesture_names(), device_model_names());
 }
 
 static int parse(struct request *r, int argc, char **argv, bool *done, struct failure *why)
 {
-    enum { HELP = 256, BUS, REPEAT, NODE, DEVICE };
-    static const struct option longs[] = {
-        {"help", no_argument, NULL, HELP},           {"bus", required_argument, NULL, BUS},
-        {"gesture", required_argument, NULL, 'g'},   {"repeat", no_argument, NULL, REPEAT},
-        {"ticks", required_argument, NULL, 'n'},     {"node", required_argument, NULL, NODE},
-        {"device", required_argument, NULL, DEVICE}, {NULL, 0, NULL, 0}};
-    uint64_t node = 1;
+    enum { HELP = 256, BUS, REPEAT, INSTRUMENT, NODE, DEVICE };
+    static const struct option longs[] = {{"help", no_argument, NULL, HELP},
+                                          {"bus", required_argument, NULL, BUS},
+                                          {"gesture", required_argument, NULL, 'g'},
+                                          {"repeat", no_argument, NULL, REPEAT},
+                                          {"ticks", required_argument, NULL, 'n'},
+                                          {"node", required_argument, NULL, NODE},
+                                          {"device", required_argument, NULL, DEVICE},
+                                          {"instrument", required_argument, NULL, INSTRUMENT},
+                                          {NULL, 0, NULL, 0}};
+    uint64_t node = 0, instrument = 1;
     int status = STATUS_OK;
     opterr = 0;
     optind = 1;
@@ -57,6 +62,9 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
         case 'n':
             status = cli_whole("--ticks", optarg, 1, 1000000000, &r->options.ticks, why);
             break;
+        case INSTRUMENT:
+            status = cli_whole("--instrument", optarg, 1, BANK_MAX_INSTRUMENTS, &instrument, why);
+            break;
         case NODE:
             status = cli_whole("--node", optarg, 1, 126, &node, why);
             break;
@@ -74,7 +82,8 @@ static int parse(struct request *r, int argc, char **argv, bool *done, struct fa
     if (!r->bus)
         return failure_set(why, STATUS_USAGE, NULL, "add --bus socketcan:IF or --bus slcan:TTY",
                            "device needs a bus; trocar run has its own");
-    r->options.node = (uint8_t)node;
+    r->options.instrument = (uint32_t)instrument - 1;
+    r->options.node = (uint8_t)(node ? node : instrument);
     r->file = argv[optind];
     return STATUS_OK;
 }
@@ -91,7 +100,11 @@ int verb_device(int argc, char **argv, struct failure *why)
     status = open_bank(request.file, NULL, &bank, why);
     if (status)
         return status;
-    status = device_process_start(&process, &bank, request.bus, &request.options, why);
+    if (request.options.instrument >= bank.view.tool_count)
+        status = failure_set(why, STATUS_USAGE, request.file, NULL, "the bank has %u instrument%s",
+                             bank.view.tool_count, bank.view.tool_count > 1 ? "s" : "");
+    if (!status)
+        status = device_process_start(&process, &bank, request.bus, &request.options, why);
     if (!status)
         fprintf(stderr, "device: node %u is on %s\n", (unsigned)request.options.node, backend_name(process.backend));
     if (!status)

@@ -24,7 +24,7 @@ enum {
 struct device_process_options {
     const char *gesture; /* name or file; NULL: press */
     const char *device;  /* NULL: the bank's */
-    uint32_t instrument; /* of the bank */
+    uint32_t instrument; /* of the bank, from 0 */
     uint8_t node;
     uint64_t ticks; /* SYNCs; 0: until the gesture is over */
     bool repeat;    /* the gesture over and over */

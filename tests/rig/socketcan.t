@@ -22,6 +22,7 @@ from tap import check, finish
 
 B = os.environ.get("B", "build")
 TROCAR, CONTROLLER, PROBE = B + "/trocar", B + "/firmware/native/controller.elf", B + "/tests/rig/socketcan_probe"
+CONTROLLER_OF_TWO = B + "/firmware/native/all/controller.elf"  # with the effect `second`, and all others
 GESTURE = "approach 0.1 s\npress 8 mm in 0.15 s\npress 0 mm in 0.1 s\nretract 0.1 s\n"
 TICKS = 420
 TWO_TICKS = 350
@@ -45,18 +46,15 @@ session() { # session SLOW: controller, instrument, host, candump
     kill -INT $controller $device $dump
     wait
 }
-two() { # two SLOW: a second controller follows the first one's SYNC, with an instrument of its own
+two() { # two SLOW: one controller with two instruments
     candump -r 4194304 -L vcan0 >$D/two.log & dump=$!
     listening $D/two.log
-    $CONTROLLER $D/bank 2 --bus socketcan:vcan0 --follow 2>$D/controller2 & second=$!
-    $TROCAR device $D/bank --node 1 --bus socketcan:vcan0 --gesture $D/gesture --repeat 2>$D/device1 & device1=$!
-    $TROCAR device $D/bank --node 2 --bus socketcan:vcan0 --gesture $D/gesture --repeat 2>$D/device2 & device2=$!
-    $CONTROLLER $D/bank --bus socketcan:vcan0 --slow $1 2>$D/controller1 & first=$!
-    ready $D/controller1 $D/controller2 $D/device1 $D/device2
-    $TROCAR run --bus socketcan:vcan0 --node 2 --ticks $TWO_TICKS --json >$D/host2.json 2>$D/host2 & host2=$!
-    $TROCAR run --bus socketcan:vcan0 --ticks $TWO_TICKS --json >$D/host1.json 2>$D/host1
-    wait $host2
-    kill -INT $first $second $device1 $device2 $dump
+    $TROCAR device $D/two.bank --instrument 1 --bus socketcan:vcan0 --gesture $D/gesture --repeat 2>$D/device1 & device1=$!
+    $TROCAR device $D/two.bank --instrument 2 --bus socketcan:vcan0 --gesture $D/gesture --repeat 2>$D/device2 & device2=$!
+    ready $D/device1 $D/device2
+    $CONTROLLER_OF_TWO $D/two.bank --bus socketcan:vcan0 --slow $1 2>$D/controller2 & controller=$!
+    $TROCAR run --bus socketcan:vcan0 --ticks $TWO_TICKS --json >$D/host2.json 2>$D/host2
+    kill -INT $controller $device1 $device2 $dump
     wait
 }
 replay() { # what the device and the host sent on the simulated bus, into a controller that follows its SYNC
@@ -111,7 +109,7 @@ def text(path):
 def guest(place, slow, played):
     """Run it all in the rig; its exit status, and what it said."""
     environment = dict(os.environ, D=str(place), SLOW=str(slow), TICKS=str(TICKS), TWO_TICKS=str(TWO_TICKS), PLAYED=str(played), TROCAR=TROCAR,
-                       CONTROLLER=CONTROLLER, PROBE=PROBE)
+                       CONTROLLER=CONTROLLER, CONTROLLER_OF_TWO=CONTROLLER_OF_TWO, PROBE=PROBE)
     done = subprocess.run(["timeout", "-k", "5", "200", "tests/rig/can.sh", "sh", place / "guest"], env=environment, stdout=subprocess.PIPE,
                           stderr=subprocess.STDOUT, text=True)
     return done.returncode, done.stdout
@@ -157,7 +155,7 @@ def judge_load(place, one, two, computed):
     for name, log, most in (("one", one, computed[0]), ("two", two, computed[1])):
         print("# bus load at 1 Mbit/s with %s: %.1f %% measured over %d ticks, %.1f %% at most as computed"
               % (name, 100 * log.load(), log.busy_ticks, 100 * most))
-    said = "\n".join(text(place / name) for name in ("controller1", "controller2", "device1", "device2", "host1", "host2"))
+    said = "\n".join(text(place / name) for name in ("controller2", "device1", "device2", "host2"))
     frames = two.busy_frames
     check("two instruments decode, and each answers every SYNC of the one controller", not two.faults and two.busy_ticks > 100 and
           all(abs(frames[name] - 2 * two.busy_ticks) <= 10 for name in ("Encoders", "Torques")),  # they end one after the other
@@ -165,6 +163,20 @@ def judge_load(place, one, two, computed):
     check("the bus load measured is below what was computed for the worst case", 0 < one.load() <= computed[0] and
           0 < two.load() <= computed[1], (one.load(), two.load(), computed))
     check("with two instruments and display it is below 70 %", two.load() <= 0.7 and computed[1] <= 0.7, two.load())
+
+
+def judge_two(place, two):
+    """Each hand's own force, and a controller of ours that is given the recorded samples sends the same torques for both."""
+    report = json.loads(text(place / "host2.json") or "{}")
+    forces = [one["peak_force_N"] for one in report.get("instruments", [])]
+    check("the host hears two instruments in RUN, and a force of each", len(forces) == 2 and min(forces) > 0.05 and report.get("ran"),
+          (report, text(place / "host2")))
+    done = subprocess.run([TROCAR, "replay", place / "two.log", "--bank", place / "two.bank", "--json"], stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True)
+    replay = json.loads(done.stdout or "{}")
+    print("# forces %s N; replayed: %s" % (forces, done.stdout.strip()))
+    check("the recording, replayed, gives both instruments' torques byte for byte", done.returncode == 0 and
+          replay["instruments"] == 2 and replay["differed"] == 0 and replay["agreed"] >= 2 * two.busy_ticks - 10, done.stderr)
 
 
 def busload(place, instruments):
@@ -179,6 +191,7 @@ def main():
         (place / "gesture").write_text(GESTURE)
         (place / "guest").write_text(GUEST)
         subprocess.run([PROBE, "bank", place / "bank"], check=True)
+        subprocess.run([PROBE, "bank", place / "two.bank", "2"], check=True)
         subprocess.run([PROBE, "record", place / "bank", place / "gesture", place / "soft.log"], check=True)
         played = [line for line in (place / "soft.log").open() if line.split()[2].split("#")[0] in ("000", "080", "181")]
         (place / "played.log").write_text("".join(played))
@@ -212,6 +225,7 @@ def main():
         judge_replay(place)
         judge_session(place, log)
         judge_load(place, log, two, (busload(place, 1), busload(place, 2)))
+        judge_two(place, two)
     finish()
 
 

@@ -1,6 +1,6 @@
 /* socketcan_probe COMMAND: what the rig's tests need of the program's own objects.
  *
- *   bank FILE                  a small synthetic bank
+ *   bank FILE [2]              a small synthetic bank; for two instruments
  *   record BANK GESTURE LOG    a run on the simulated bus, every frame of it as a candump log
  *   probe IF                   the backend "socketcan:IF" against the kernel; TAP. As root: it takes IF down and up,
  *                              and IF2 (the name with its last digit one higher) it removes and makes again
@@ -280,9 +280,11 @@ static int record(const char *bank_path, const char *gesture, const char *log_pa
 
 int main(int argc, char **argv)
 {
-    if (argc == 3 && !strcmp(argv[1], "bank")) {
+    if ((argc == 3 || argc == 4) && !strcmp(argv[1], "bank")) {
         size_t length;
-        unsigned char *bytes = bank_fixture(NULL, &length);
+        struct bank_fixture_options options = bank_fixture_default;
+        options.instruments = argc == 4 ? 2 : 1;
+        unsigned char *bytes = bank_fixture(&options, &length);
         FILE *file = fopen(argv[2], "wb");
         const bool good = file && fwrite(bytes, 1, length, file) == length;
         free(bytes);

@@ -1,11 +1,11 @@
 /* A bus of this machine.
  *
- * Time is the monotonic clock's. The wait for the encoder frame ends with the frame (poll); that for the next tick sleeps to an
+ * Time is the monotonic clock's. The wait for the encoder frames ends with the last of them (poll); that for the next tick sleeps to an
  * absolute time, and takes frames that came meanwhile afterwards. A frame that the bus has no room for is dropped at once and
  * counted by the loop: an old torque must not go out late.
  *
  * Slow (native_options.slow above 1), for machines on which the bus has no millisecond to offer: a tick takes so many at
- * least, and time stands still until its sample has come.
+ * least, and time stands still until its samples have come.
  *
  * Following (native_options.follow), ticks begin with the SYNC of somebody else: the time is that of its ticks, LOOP_TICK_US
  * from one to the next, whatever the clock says, and a sample is waited for until then. So a recording
@@ -16,6 +16,7 @@
 #include <string.h>
 
 #include "backend.h"
+#include "bank_format.h"
 #include "loop.h"
 #include "wire.h"
 
@@ -28,8 +29,9 @@ static struct {
     struct native_options options;
     struct backend *backend;
     uint64_t start_ns;
-    bool sampling;    /* SYNC was sent, the torque not yet */
-    bool sampled;     /* the sample has come: following, what is behind it in the queue came after the torque */
+    bool sampling; /* SYNC was sent, the torques not yet */
+    uint32_t
+        samples; /* bits of the instruments whose sample has come: following, what is behind the last came after the torque */
     bool have;        /* `next` was taken from the bus, and not yet by the loop */
     bool began;       /* following: the SYNC of this tick has been taken */
     uint64_t tick_us; /* following or slow: the time, that of this tick's begin */
@@ -74,12 +76,14 @@ static bool is_sync(const struct can_frame_t *frame)
 
 static bool receive(struct can_frame_t *frame)
 {
-    if (live.options.follow && live.sampling && live.sampled)
+    if (live.options.follow && live.sampling && live.samples == (1u << live.options.instruments) - 1u)
         return false;
     if (!fetch(0) || (live.options.follow && is_sync(&live.next.frame)))
         return false;
     *frame = live.next.frame;
-    live.sampled = frame->id == WIRE_ENCODERS_ID + (uint32_t)live.options.node;
+    const uint32_t t = frame->id - WIRE_ENCODERS_ID - live.options.node;
+    if (t < live.options.instruments)
+        live.samples |= 1u << t;
     live.have = false;
     return true;
 }
@@ -89,11 +93,11 @@ static bool transmit(const struct can_frame_t *frame)
     struct failure why = {0};
     if (is_sync(frame)) {
         live.sampling = true;
-        live.sampled = false;
+        live.samples = 0;
         live.ticks++;
         if (live.options.follow)
-            return true; /* another's */
-    } else if (frame->id == WIRE_TORQUES_ID + (uint32_t)live.options.node) {
+            return true;                                                                           /* another's */
+    } else if (frame->id == WIRE_TORQUES_ID + live.options.node + live.options.instruments - 1u) { /* the last */
         live.sampling = false;
         if (live.ticks == live.options.ticks)
             native_stop();
@@ -178,9 +182,12 @@ const struct native_bus live_bus = {time_us, wait_us, receive, transmit, errors}
 
 int live_open(const struct native_options *options)
 {
-    const struct backend_filter wanted[] = {
-        {WIRE_ENCODERS_ID + (uint32_t)options->node, 0x7FF}, {WIRE_NMT_ID, 0x7FF}, {WIRE_SYNC_ID, 0x7FF}};
-    const struct backend_options bus = {.filter = wanted, .filters = options->follow ? 3 : 2};
+    struct backend_filter wanted[2 + BANK_MAX_INSTRUMENTS] = {{WIRE_NMT_ID, 0x7FF}};
+    struct backend_options bus = {.filter = wanted, .filters = 1};
+    for (uint32_t t = 0; t < options->instruments; t++) /* bound: BANK_MAX_INSTRUMENTS */
+        wanted[bus.filters++] = (struct backend_filter){WIRE_ENCODERS_ID + options->node + t, 0x7FF};
+    if (options->follow)
+        wanted[bus.filters++] = (struct backend_filter){WIRE_SYNC_ID, 0x7FF};
     struct failure why = {0};
     live.options = *options;
     const int status = backend_open(options->bus, &bus, &live.backend, &why);
@@ -190,8 +197,9 @@ int live_open(const struct native_options *options)
     }
     if (!options->follow)
         realtime_enter();
-    fprintf(stderr, "controller: node %u is on %s%s\n", options->node, options->bus,
-            options->follow ? ", and follows its SYNC" : "");
+    for (uint32_t t = 0; t < options->instruments; t++) /* bound: BANK_MAX_INSTRUMENTS */
+        fprintf(stderr, "controller: node %u is on %s%s\n", options->node + t, options->bus,
+                options->follow ? ", and follows its SYNC" : "");
     live.start_ns = live.next_ns = realtime_now_ns();
     return 0;
 }

@@ -13,10 +13,11 @@
 static const char usage[] =
     "usage: controller.elf BANK [NODE] [options]\n"
     "       controller.elf --bare SECONDS\n\n"
-    "The controller of instrument NODE (1 to 126, default 1) of a bank. Without --bus: frames and time in lockstep on\n"
-    "standard input and output, as firmware/ports/lockstep.h has it.\n\n"
+    "The controller of a bank. Its first instrument is node NODE of the bus (1 to 126, default 1), a second one the "
+    "next.\n"
+    "Without --bus: frames and time in lockstep on standard input and output, as firmware/ports/lockstep.h has it.\n\n"
     "      --bus B      socketcan:IF or slcan:TTY, in real time: SCHED_FIFO, memory locked, where that is allowed\n"
-    "      --follow     ticks begin with the SYNC that somebody else sends, a recording or the first controller\n"
+    "      --follow     ticks begin with the SYNC that somebody else sends, a recording\n"
     "      --slow N     for machines that are too slow: a tick takes N milliseconds at least, and waits for its "
     "sample\n"
     "  -n, --ticks N    end after N ticks (default: on Ctrl-C)\n"
@@ -100,6 +101,13 @@ static bool load(const char *path)
     bank = bytes;
     bank_length = good ? (size_t)size : 0;
     return good;
+}
+
+/* How many nodes of the bus are its own; of a bank that will be refused, 1. */
+static uint32_t instruments(void)
+{
+    struct bank_view view;
+    return bank_view_open(&view, bank, bank_length) == STATUS_OK ? view.tool_count : 1;
 }
 
 static void name_lacking_effects(void)
@@ -192,6 +200,7 @@ int main(int argc, char **argv)
         fprintf(stderr, "controller: %s: cannot read the bank; check the path\n", options.bank);
         return 3;
     }
+    options.instruments = instruments();
     if (options.bus) {
         const int code = live_open(&options);
         if (code)

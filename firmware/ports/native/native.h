@@ -26,9 +26,10 @@ extern const struct native_bus stdio_bus, live_bus;
 
 struct native_options {
     const char *bank, *bus; /* bus NULL: stdio */
-    uint8_t node;
-    bool follow;   /* SYNC comes from somebody else on the bus, a recording or another controller, and gives the time */
-    uint32_t slow; /* a tick takes so many milliseconds at least, and until its sample is there; 1: real time */
+    uint8_t node;           /* of the first instrument */
+    uint32_t instruments;   /* of the bank: nodes from `node` on */
+    bool follow;            /* SYNC comes from somebody else on the bus, a recording, and gives the time */
+    uint32_t slow;  /* a tick takes so many milliseconds at least, and until its samples are there; 1: real time */
     uint64_t ticks; /* 0: until SIGINT or SIGTERM */
 };
 
