@@ -290,11 +290,12 @@ static float coupled(const struct contact *c, const struct contact *d)
 
 static void assemble_system(struct contact_set *s, float softness)
 {
-    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
+    for (uint32_t d = 0; d < contact_all(s); d++) { /* bound: CONTACT_MAX */
         const struct contact *from = &s->contact[d];
-        for (uint32_t c = d; c < s->count; c++) { /* bound: CONTACT_MAX */
-            float moved[3];
-            contact_multiply(s, c, d, from->normal, moved);
+        for (uint32_t c = d; c < contact_all(s); c++) { /* bound: CONTACT_MAX */
+            float moved[3] = {0.0f, 0.0f, 0.0f};
+            if (c < s->count)
+                contact_multiply(s, c, d, from->normal, moved);
             float a = real_dot(s->contact[c].normal, moved) + softness * coupled(&s->contact[c], from);
             s->system[c][d] = s->system[d][c] = a;
         }
@@ -309,13 +310,13 @@ static void evaluate(struct contact_set *s, const struct bank_view *bank, const 
     for (uint32_t t = 0; t < CONTACT_TOOLS; t++) { /* bound: CONTACT_TOOLS */
         for (int a = 0; a < 3; a++) {              /* bound: 3 */
             float sum = 0.0f;
-            for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+            for (uint32_t c = 0; c < contact_all(s); c++) /* bound: CONTACT_MAX */
                 sum += p[c] * s->contact[c].pull[t][a];
             s->force_N[t][a] = sum;
             s->proxy_offset_m[t][a] = softness * sum;
         }
     }
-    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+    for (uint32_t c = 0; c < contact_all(s); c++) { /* bound: CONTACT_MAX */
         struct contact *at = &s->contact[c];
         at->pressure_N = p[c];
         for (int a = 0; a < 3; a++) /* bound: 3 */
@@ -336,7 +337,7 @@ static void evaluate(struct contact_set *s, const struct bank_view *bank, const 
 
 void contact_push(struct contact_set *s, const struct bank_view *bank)
 {
-    uint32_t m = s->count, guess = 0;
+    uint32_t m = contact_all(s), guess = 0;
     float depth[CONTACT_MAX], p[CONTACT_MAX];
     for (uint32_t c = 0; c < m; c++) { /* bound: CONTACT_MAX */
         depth[c] = s->contact[c].depth_m;
@@ -384,6 +385,7 @@ void contact_forget(struct contact_set *s, const struct collide *points, uint32_
 {
     const struct collide_range *range = &points->tool[tool];
     uint32_t kept = 0;
+    IF_RIGID(s->rigid = 0;)
     for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
         if (contact_tool(&s->contact[c]) != tool)
             s->contact[kept++] = s->contact[c];

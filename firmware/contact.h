@@ -70,6 +70,7 @@ struct contact_hold {
 
 struct contact_set {
     uint32_t count;
+    IF_RIGID(uint32_t rigid;) /* further contacts behind these, of things that do not give way (effects/rigid.h) */
     struct contact contact[CONTACT_MAX];
     struct contact_hold hold[CONTACT_MAX]; /* per tool point */
     uint8_t in_use[ROW_CACHE_SLOTS];       /* slots of the rows in the system */
@@ -95,6 +96,14 @@ static inline uint32_t contact_tool(const struct contact *c)
     (void)c;
     IF_SECOND(tool = c->tool;)
     return tool;
+}
+
+/* Of tissue, and all that push: rigid ones have no block, and only contact_push sees them. */
+static inline uint32_t contact_all(const struct contact_set *s)
+{
+    uint32_t all = s->count;
+    IF_RIGID(all += s->rigid;)
+    return all;
 }
 
 /* One tick, in four steps between which an effect may do its part: the touching points as contacts; */
@@ -194,13 +203,16 @@ static inline void contact_multiply(const struct contact_set *s, uint32_t c, uin
 /* No contact of this tool, no force on it. */
 void contact_forget(struct contact_set *s, const struct collide *points, uint32_t tool);
 
-/* Whether any point of this tool touches. */
+/* Whether anything of this tool touches. */
 static inline bool contact_touches(const struct contact_set *s, uint32_t tool)
 {
     bool touches = s->count > 0;
     (void)tool;
     IF_SECOND(touches = false; for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
                                touches = touches || s->contact[c].tool == tool;)
+    IF_RIGID(for (uint32_t c = s->count; c < contact_all(s); c++) /* bound: CONTACT_MAX */
+             for (int a = 0; a < 3; a++)                          /* bound: 3 */
+             touches = touches || s->contact[c].pull[tool][a] != 0.0f;)
     return touches;
 }
 

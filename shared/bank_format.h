@@ -265,6 +265,24 @@ struct bank_shape {
     struct bank_sphere sphere[BANK_MAX_TOOL_POINTS]; /* 0 beyond the last point */
 };
 
+/* RIGD, present exactly when the effect rigid is named, count = obstacles: struct bank_rigid, then count struct bank_obstacle. */
+#define BANK_RIGD        BANK_TAG('R', 'I', 'G', 'D')
+#define BANK_MIN_SHAFT_M 1e-3f /* ten times what two shafts sink into each other when they are pressed 10 cm deep */
+enum { BANK_MAX_OBSTACLES = 8, BANK_MAX_OBSTACLE_POINTS = 16 };
+struct bank_rigid {
+    uint32_t obstacles;                         /* = count */
+    float shaft_radius_m[BANK_MAX_INSTRUMENTS]; /* of each instrument, BANK_MIN_SHAFT_M to 1 */
+    float cannula_radius_m;                     /* outside, at least that of the shafts; 0: there is none */
+    float cannula_inside_m;                     /* how far it reaches beyond the trocar along the instrument, 0 to 1 */
+    uint32_t reserved[3];                       /* 0 */
+};
+struct bank_obstacle {
+    float radius_m;                             /* swept around the hull, 0 to 1 */
+    uint32_t points;                            /* of the hull, 1 .. BANK_MAX_OBSTACLE_POINTS */
+    uint32_t reserved[2];                       /* 0 */
+    float point_m[BANK_MAX_OBSTACLE_POINTS][3]; /* world; unused ones 0 */
+};
+
 /* SWNG, present exactly when the effect swing is named, count = modes: struct bank_swing, then per mode and vertex 3 float32, the
  * mode's share s of the displacement, (m/N)^(1/2): the compliance holds the sum of s s'. */
 #define BANK_SWNG      BANK_TAG('S', 'W', 'N', 'G')

@@ -39,6 +39,8 @@ struct bank_fixture_options {
     const struct bank_swing *swing; /* with its shapes behind it; NULL: the bank does not name it */
     const struct bank_shape *shape; /* its spheres, openings and band; NULL: the bank does not name it */
     double flatten;                 /* the sphere's height in radii; 0: 1 */
+    const struct bank_rigid *rigid; /* with its obstacles behind it; NULL: the bank does not name it */
+    const struct bank_tool *tool;   /* the instruments, if not those of fixture_tool */
     unsigned branches;              /* 0: the bank does not name viscoelastic */
     struct bank_branch branch[BANK_MAX_BRANCHES];
     const struct bank_cubic *cubic; /* per vertex; NULL: the bank does not name neo_hookean */
@@ -365,6 +367,8 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
                                    .decay_s = 0.02f,
                                    .typical_compliance_m_N = (float)typical};
     struct bank_tool tool[BANK_MAX_INSTRUMENTS] = {fixture_tool(o, 0), fixture_tool(o, 1)};
+    if (o->tool)
+        memcpy(tool, o->tool, o->instruments * sizeof tool[0]);
     struct bank_friction friction = {.mu = (float)o->friction_mu, .sweeps = o->friction_sweeps};
     struct fixture_part part[] = {
         {BANK_VERT, BANK_REQUIRED, 1, n, n * 12, x},
@@ -421,6 +425,11 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         memcpy(neo->vertex, o->cubic, n * sizeof neo->vertex[0]);
         part[parts++] = (struct fixture_part){BANK_NEOH, BANK_REQUIRED, 1, n, size, neo};
         effects |= EFFECT_NEO_HOOKEAN;
+    }
+    if (o->rigid) {
+        uint32_t size = (uint32_t)(sizeof *o->rigid + o->rigid->obstacles * sizeof(struct bank_obstacle));
+        part[parts++] = (struct fixture_part){BANK_RIGD, BANK_REQUIRED, 1, o->rigid->obstacles, size, (void *)o->rigid};
+        effects |= EFFECT_RIGID;
     }
     unsigned char *bytes = bank_fixture_join(part, parts, length);
     ((struct bank_header *)bytes)->effects = effects;

@@ -25,6 +25,9 @@
 #if IF_SHAPE(1) + 0
 #include "effects/shape.h"
 #endif
+#if IF_RIGID(1) + 0
+#include "effects/rigid.h"
+#endif
 #if IF_SWING(1) + 0
 #include "effects/swing.h"
 #endif

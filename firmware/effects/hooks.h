@@ -46,11 +46,22 @@ static inline void effects_place(struct controller *c, const struct bank_view *b
              shape_place(bank, &c->contact, &c->collide, t, &c->instrument[t].kinematics);)
 }
 
+/* Of the instruments that take part; NULL for those that do not. */
+IF_RIGID(static inline void effects_poses(const struct controller *c, const struct kinematics *pose[TICK_INSTRUMENTS]) {
+    for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) /* bound: TICK_INSTRUMENTS */
+        pose[t] = c->instrument[t].present ? &c->instrument[t].kinematics : NULL;
+})
+
 /* After contact_assemble: what else than the bank's compliance decides how contacts respond to each other. */
 static inline void effects_respond(struct controller *c, const struct bank_view *bank)
 {
     (void)c, (void)bank;
     IF_SWING(if (bank->swing) swing_respond(&c->swing, bank, &c->contact);)
+    IF_RIGID(if (bank->rigid) {
+        const struct kinematics *pose[TICK_INSTRUMENTS];
+        effects_poses(c, pose);
+        rigid_respond(&c->rigid, bank, &c->contact, pose);
+    })
 }
 
 /* In place of contact_push: forces that are more than a push along the normal. True when they are done. */
@@ -86,6 +97,11 @@ static inline void effects_follow(struct controller *c, const struct bank_view *
     IF_FRICTION(if (bank->friction) friction_follow(&c->friction, &c->contact);)
     IF_SHAPE(if (bank->shape) shape_expect(&c->shape, bank, &c->rows, &c->collide);)
     IF_SWING(if (bank->swing) swing_follow(&c->swing, bank, &c->contact);)
+    IF_RIGID(if (bank->rigid) {
+        const struct kinematics *pose[TICK_INSTRUMENTS];
+        effects_poses(c, pose);
+        rigid_follow(&c->rigid, &c->contact, pose);
+    })
 }
 
 /* The way between two ticks of an instrument is not known, or a force was not finite: nothing remembered of its contact is true
@@ -96,6 +112,7 @@ static inline void effects_forget(struct controller *c, uint32_t tool)
     IF_FRICTION(friction_forget(&c->friction, &c->collide.tool[tool]);)
     IF_GRASP(grasp_forget(&c->grasp, &c->collide, tool);)
     IF_SHAPE(shape_forget(&c->shape, tool, c->collide.tool[tool].first, c->collide.tool[tool].count);)
+    IF_RIGID(rigid_forget(&c->rigid, tool);)
     IF_SWING(swing_forget(&c->swing);)
     IF_VISCOELASTIC(viscoelastic_forget(&c->viscoelastic, &c->collide.tool[tool]);)
 }

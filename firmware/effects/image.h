@@ -39,6 +39,12 @@
 #define IF_SHAPE(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_rigid)
+#define IF_RIGID(...) __VA_ARGS__
+#else
+#define IF_RIGID(...)
+#endif
+
 #if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_swing)
 #define IF_SWING(...) __VA_ARGS__
 #else

@@ -14,6 +14,7 @@
 #include "scene_neo_hookean.h"
 #include "scene_second.h"
 #include "scene_shape.h"
+#include "scene_rigid.h"
 #include "scene_swing.h"
 #include "scene_viscoelastic.h"
 

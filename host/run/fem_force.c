@@ -30,6 +30,7 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
     memset(sample, 0, sizeof *sample);
     sample->tick = tick;
     sample->count = set->count;
+    sample->rigid = contact_all(set) - set->count;
     sample->friction = cone != NULL;
     sample->stiffening = visco ? (double)visco->stiffening : 1;
     memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
@@ -44,6 +45,11 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
             memcpy(sample->contact[c].wanted_m, cone->contact[c].wanted_m, sizeof cone->contact[c].wanted_m);
         if (cone)
             sample->contact[c].mu = (double)cone->contact[c].mu;
+    }
+    for (uint32_t c = set->count; c < contact_all(set); c++) {
+        memcpy(sample->contact[c].pull, set->contact[c].pull, sizeof sample->contact[c].pull);
+        sample->contact[c].depth_m = set->contact[c].depth_m;
+        sample->contact[c].pad_m_N = set->contact[c].pad_m_N;
     }
 }
 
@@ -160,9 +166,9 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
 int fem_force(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
               double force_N[BANK_MAX_INSTRUMENTS][3], struct failure *why)
 {
-    uint32_t m = sample->count, vertex[3 * CONTACT_MAX];
+    uint32_t m = sample->count, all = m + sample->rigid, vertex[3 * CONTACT_MAX];
     double weight[3 * CONTACT_MAX], normal[3 * CONTACT_MAX], d[CONTACT_MAX], p[CONTACT_MAX];
-    double A[CONTACT_MAX * CONTACT_MAX];
+    double tissue[CONTACT_MAX * CONTACT_MAX], A[CONTACT_MAX * CONTACT_MAX] = {0};
     memset(force_N, 0, BANK_MAX_INSTRUMENTS * sizeof *force_N);
     if (m == 0)
         return STATUS_OK;
@@ -176,23 +182,26 @@ int fem_force(const struct bank_view *bank, const struct body *body, const struc
             normal[3 * c + k] = (double)sample->contact[c].normal[k];
         }
     }
-    /* A becomes the tissue's compliance between the contacts; p without coupling and unilaterality is not used. */
+    /* The tissue's compliance between its contacts; p without coupling and unilaterality is not used. */
     double epsilon = sample->stiffening * (double)bank->contact->regularisation_m_N;
-    int status = model_constrained(body->model, m, vertex, weight, normal, epsilon, d, p, A, why);
+    int status = model_constrained(body->model, m, vertex, weight, normal, epsilon, d, p, tissue, why);
     if (status)
         return status;
-    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m, own[CONTACT_MAX];
-    for (uint32_t c = 0; c < m; c++)
-        own[c] = pad(bank, A[m * c + c]);
-    for (uint32_t c = 0; c < m; c++)
-        for (uint32_t e = 0; e < m; e++)
+    for (uint32_t c = m; c < all; c++)
+        d[c] = (double)sample->contact[c].depth_m;
+    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
+    for (uint32_t c = 0; c < all; c++) {
+        for (uint32_t e = 0; e < all; e++) {
+            double sum = 0;
             for (int k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
-                A[m * c + e] += softness * (double)sample->contact[c].pull[k / 3][k % 3] *
-                                (double)sample->contact[e].pull[k / 3][k % 3];
-    for (uint32_t c = 0; c < m; c++)
-        A[m * c + c] += sample->stiffening * own[c];
-    status = fem_complementarity(m, A, d, p, why);
-    for (uint32_t c = 0; c < m && !status; c++)
+                sum += (double)sample->contact[c].pull[k / 3][k % 3] * (double)sample->contact[e].pull[k / 3][k % 3];
+            A[all * c + e] = softness * sum + (c < m && e < m ? tissue[m * c + e] : 0);
+        }
+        A[all * c + c] +=
+            c < m ? sample->stiffening * pad(bank, tissue[m * c + c]) : (double)sample->contact[c].pad_m_N;
+    }
+    status = fem_complementarity(all, A, d, p, why);
+    for (uint32_t c = 0; c < all && !status; c++)
         for (int k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
             force_N[k / 3][k % 3] += p[c] * (double)sample->contact[c].pull[k / 3][k % 3];
     return status;
@@ -255,14 +264,19 @@ static double length(const double v[3])
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/* The sample with the contacts of one tool only. */
+/* The sample with the contacts of one tool only; what is between it and the other is not. */
 static struct fem_sample alone(const struct fem_sample *sample, uint32_t tool)
 {
     struct fem_sample own = *sample;
-    own.count = 0;
+    own.count = own.rigid = 0;
     for (uint32_t c = 0; c < sample->count; c++)
         if (sample->contact[c].tool == tool)
             own.contact[own.count++] = sample->contact[c];
+    for (uint32_t c = sample->count; c < sample->count + sample->rigid; c++) {
+        const float *other = sample->contact[c].pull[1 - tool];
+        if (other[0] == 0 && other[1] == 0 && other[2] == 0)
+            own.contact[own.count + own.rigid++] = sample->contact[c];
+    }
     return own;
 }
 
@@ -278,7 +292,7 @@ static int compare_sample(const struct bank_view *bank, const struct body *body,
         largest[t] = fmax(largest[t], length(difference));
         to->instrument[t].peak_force_N = fmax(to->instrument[t].peak_force_N, length(f[t]));
         const struct fem_sample mine = alone(sample, t);
-        if (mine.count == 0 || mine.count == sample->count)
+        if (mine.count == 0 || mine.count + mine.rigid == sample->count + sample->rigid)
             continue;
         status = fem_force(bank, body, &mine, own, why);
         for (int k = 0; k < 3; k++)

@@ -13,6 +13,8 @@
  *
  * With visco-elastic tissue depths and coupling are those of viscoelastic.h; what the tissue remembers is the controller's.
  *
+ * Rigid contacts (effects/rigid.h) are in the same solve, without compliance of their own; where they are is the controller's.
+ *
  * So the comparison covers the bank's numbers, their reading, the assembly and the active-set solver in single
  * precision. Not covered: where the contacts are (collision has its own tests) and the mesh's discretisation error. */
 #ifndef TROCAR_FEM_FORCE_H
@@ -30,13 +32,14 @@
 /* What is kept of a tick. */
 struct fem_sample {
     uint64_t tick;
-    uint32_t count;
+    uint32_t count, rigid; /* contacts with the tissue, and behind them those with what does not give way */
     struct {
         uint32_t tool, triangle;
         float weights[3], normal[3], depth_m;
         float pull[BANK_MAX_INSTRUMENTS][3];
         float wanted_m[3]; /* with a cone_system, */
         double mu;         /* the same; below 0: held */
+        float pad_m_N;     /* of a rigid one, of which also depth_m and pull are known */
     } contact[CONTACT_MAX];
     bool friction;
     double stiffening;                      /* C of viscoelastic.h, then depth_m is C d + m; 1 without that effect */

@@ -161,12 +161,14 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         effect->parse(t, yaml_document_get_node(&t->document, pair->value), scene);
     }
     /* Each of these changes what the others take for granted: how contacts respond, and what their forces are. */
-    uint32_t alone = scene->effects.named &
-                     (EFFECT_FRICTION | EFFECT_GRASP | EFFECT_SWING | EFFECT_VISCOELASTIC | EFFECT_NEO_HOOKEAN);
+    uint32_t alone = scene->effects.named & (EFFECT_FRICTION | EFFECT_GRASP | EFFECT_RIGID | EFFECT_SWING |
+                                             EFFECT_VISCOELASTIC | EFFECT_NEO_HOOKEAN);
     if (alone & (alone - 1)) {
         effects_names(alone, " and ", offered, sizeof offered);
         tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "%s do not go together yet", offered);
     }
+    if (scene->effects.named & EFFECT_RIGID)
+        scene_rigid_check(t, tree_find(t, map, "rigid"), scene);
     tree_require(t, map, (~scene->effects.named & (EFFECT_FRICTION | EFFECT_SHAPE)) != 0,
                  "friction and shape do not go together yet");
 }
