@@ -243,7 +243,7 @@ struct bank_grasp {
  * none within band_m and half the cell's diagonal. Cell c = x + nx (y + ny z). The points of all instruments, one instrument
  * after the other, are spheres; their place takes that of TOOL's point_m. */
 #define BANK_SHAP            BANK_TAG('S', 'H', 'A', 'P')
-#define BANK_MAX_OPENING_RAD 1.5707963f /* of one jaw */
+#define BANK_MAX_OPENING_RAD 1.5707964f /* of one jaw: pi/2 as rounded */
 #define BANK_MIDDLE_ROLL     512        /* count of roll at which the shaft is not turned; a turn has twice as many */
 struct bank_sphere {
     float

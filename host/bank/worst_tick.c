@@ -56,6 +56,7 @@ struct worst_effects worst_tick_effects(const struct scene *scene)
         w.modes = e->swing.modes;
     if (e->named & EFFECT_VISCOELASTIC)
         w.branches = (unsigned)e->viscoelastic.series.count + (e->viscoelastic.series.viscosity_s > 0);
+    w.spheres = e->named & EFFECT_SHAPE;
     w.corrected = e->named & EFFECT_NEO_HOOKEAN;
     return w;
 }
@@ -72,7 +73,8 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double solver =
         effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides) : steps * solver_step(m);
     solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m);
-    return WORST_TICK_BASE + WORST_TICK_POINT * m + pair * m * (m + 1) / 2 + solver +
+    double point = WORST_TICK_POINT + (effects.spheres ? WORST_TICK_SPHERE : 0);
+    return WORST_TICK_BASE + point * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);
 }
 

@@ -4,6 +4,7 @@
  *
  *   WORST_TICK_BASE                            encoders, state, torques, the free points' look ahead
  *   + points     WORST_TICK_POINT              collision: swept and slid along the surface
+ *     or, with a shape,  and WORST_TICK_SPHERE   the same for spheres (firmware/effects/shape.c)
  *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
  *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
  *     or, with friction or grasp, sweeps (m^2, m)   round the contacts, each seeing all others (firmware/effects/cone.c)
@@ -26,6 +27,7 @@
 
 #define WORST_TICK_BASE       12000.0
 #define WORST_TICK_POINT      6800.0
+#define WORST_TICK_SPHERE     4000.0 /* the nearest place of the surface to its centre, and the lever */
 #define WORST_TICK_PAIR       1600.0 /* of contacts, blocks in the table of products */
 #define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
 #define WORST_TICK_WORK       1.05   /* instructions per unit of row work (firmware/row_cache.h), and around it */
@@ -36,6 +38,7 @@ struct worst_effects {
     bool slides;       /* with friction: each sweep looks for the slip of each contact */
     unsigned modes;    /* of swing */
     unsigned branches; /* of visco-elastic tissue */
+    bool spheres;      /* the points are spheres of a shape: they look for the surface before they meet it */
     bool corrected;    /* the forces are corrected and pushed again */
 };
 

@@ -20,13 +20,18 @@ import emulated
 TEN_FRICTIONAL_CONTACTS = 120000  # instructions that they may take, rows at hand
 STEPS = 6  # of the solver without friction: a motion takes no more, and the bound counts every one
 TOOLS = [("ten points on 5 mm", 10, 5), ("sixteen points on 20 mm", 16, 20)]
-STROKES = ("approach 0.3 s\npress 10 mm in 0.3 s\n%s" + "slide 40 mm 0 mm in 0.075 s\nslide -40 mm 0 mm in 0.075 s\n" * 5)
-PRESS = "approach 0.3 s\npress 12 mm in 0.3 s\n%shold 2 s\n"
-MOTIONS = [(STROKES, ["--jumps", 400, "--period", 6]), (PRESS, ["--jumps", 1000])]
+JAWS_MM = 20
+STROKES = ("approach 0.3 s\npress %d mm in 0.3 s\n%s" + "slide 40 mm 0 mm in 0.075 s\nslide -40 mm 0 mm in 0.075 s\n" * 5)
+PRESS = "approach 0.3 s\npress %d mm in 0.3 s\n%shold 2 s\n"
+MOTIONS = [(STROKES, 10, ["--jumps", 400, "--period", 6]), (PRESS, 12, ["--jumps", 1000])]
 
 
 def scene(place, name, points, radius_mm):
-    path = effects.scene(place, "%s-%d" % (name or "base", points), effects.example(name) if name else "{}")
+    example = effects.example(name) if name else "{}"
+    if name == "shape":  # jaws wide open, so that all spheres touch where the points do
+        example = "{shape: {shaft: {length: 2 mm, samples: 2}, jaws: {radius: %d mm, length: %d mm, opening: 180 deg, samples: %d}}}" % (
+            radius_mm / 2, JAWS_MM, points / 2 - 1)
+    path = effects.scene(place, "%s-%d" % (name or "base", points), example)
     text = path.read_text()
     for old, new in [("points: 10", "points: %d" % points), ("radius: 5 mm", "radius: %d mm" % radius_mm),
                      ("{steps: 24}", "{steps: %d}" % STEPS)]:
@@ -37,13 +42,14 @@ def scene(place, name, points, radius_mm):
     return path
 
 
-def worst(place, plugin, port, bank, closes, begin="node_finish_tick", end="node_transmit"):
+def worst(place, plugin, port, bank, name, begin="node_finish_tick", end="node_transmit"):
     """Instructions from one function to another, the most of all motions; the jaws close where the tool presses, if it has some
-    that do."""
+    that do, or are pressed themselves, behind the tip."""
     most = 0
-    for number, (motion, options) in enumerate(MOTIONS):
+    for number, (motion, depth_mm, options) in enumerate(MOTIONS):
         gesture, answers, log = (place / (word + str(number)) for word in ("gesture", "answers", "log"))
-        gesture.write_text(motion % ("close 0.1 s\n" if closes else ""))
+        deeper_mm = JAWS_MM if name == "shape" else 0
+        gesture.write_text(motion % (depth_mm + deeper_mm, "close 0.1 s\n" if name == "grasp" else ""))
         emulated.record(bank, gesture, answers, log, *options)
         ticks, _ = emulated.count_ticks(port, plugin, bank, answers, place / "out", place / "ticks", begin, end)
         most = max(most, *ticks)
@@ -67,13 +73,13 @@ def main():
                     continue
                 bank = place / "bank"
                 bound = emulated.build_bank(bank, scene(place, name, points, radius_mm), "--plain")["worst_tick_instructions"]
-                counted = worst(place, plugin, port.with_effects() if name else port, bank, name == "grasp")
+                counted = worst(place, plugin, port.with_effects() if name else port, bank, name)
                 good = counted <= bound <= 2 * counted
                 failed = failed or not good
                 print("%sok %d - %s\n# %d of %d, %.2f" % ("" if good else "not ", number, claim, counted, bound, bound / counted))
                 sys.stdout.flush()
                 if (name, points) == ("friction", 10):
-                    contact = worst(place, plugin, port.with_effects(), bank, False, "contact_admit", "contact_expect")
+                    contact = worst(place, plugin, port.with_effects(), bank, name, "contact_admit", "contact_expect")
         number += 1
         good = why or contact <= TEN_FRICTIONAL_CONTACTS
         failed = failed or not good

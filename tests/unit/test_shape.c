@@ -425,6 +425,21 @@ static void a_scene_with_a_shape_reads_back(void **state)
     free(scene), free(back);
 }
 
+/* The limits of the keys are those of the bank. */
+static void the_widest_jaws_make_a_bank_that_opens(void **state)
+{
+    (void)state;
+    struct scene *scene = malloc(sizeof *scene);
+    struct bank_shape shape = scene_spheres("{jaws: {opening: 180 deg, samples: 6}}", scene);
+    struct bank_fixture_options o = body(&shape, 0);
+    struct bench b;
+    o.tip_points = 16;
+    bench_open(&b, &o); /* ends the program when the bank is refused */
+    assert_true(b.bank.shape->opening_rad[0] > 1.57f);
+    bench_close(&b);
+    free(scene);
+}
+
 static void what_no_instrument_can_be_is_refused(void **state)
 {
     (void)state;
@@ -702,6 +717,7 @@ int main(void)
         cmocka_unit_test(the_smoothed_grip_never_jumps),
         cmocka_unit_test(samples_are_shared_out_by_length_over_radius),
         cmocka_unit_test(a_scene_with_a_shape_reads_back),
+        cmocka_unit_test(the_widest_jaws_make_a_bank_that_opens),
         cmocka_unit_test(what_no_instrument_can_be_is_refused),
         cmocka_unit_test(a_damaged_section_is_refused),
         cmocka_unit_test(a_push_beside_the_tip_has_its_lever),
