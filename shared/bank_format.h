@@ -334,6 +334,22 @@ struct bank_neo_hookean {
     struct bank_cubic vertex[];
 };
 
+/* QNLC, present exactly when the effect quasi_nonlinear is named, count = 1: curves y = sum of coefficient[k - 1] (x / range)^k, k = 1 ..
+ * BANK_CURVE_DEGREE, for 0 <= x <= range, along the tangent beyond; they rise everywhere. */
+#define BANK_QNLC      BANK_TAG('Q', 'N', 'L', 'C')
+#define BANK_MAX_CURVE 1e6f
+enum { BANK_CURVE_DEGREE = 10 };
+struct bank_curve {
+    float range;                          /* above 0, to BANK_MAX_CURVE */
+    float coefficient[BANK_CURVE_DEGREE]; /* to BANK_MAX_CURVE, either sign */
+};
+struct bank_quasi_nonlinear {
+    uint32_t has_across;   /* 1: P is there; 0: it is all 0 */
+    float sample_per_tool; /* newtons of the sample to one of the tool, above 0 */
+    struct bank_curve Q;   /* N -> N: amplitude of the force along the imposed direction, linear -> corrected */
+    struct bank_curve P;   /* m -> m: amplitude of the displacement across it; for the host */
+};
+
 /* PROV, optional, host only: provenance as UTF-8 text, a YAML document: keys scene (the scene's own text), mesh_path,
  * program, nodes, tetrahedra, discretisation, build_seconds, measured errors. */
 #define BANK_PROV BANK_TAG('P', 'R', 'O', 'V')
@@ -355,6 +371,7 @@ _Static_assert(sizeof(struct bank_contact) == 32, "layout of the contact record"
 _Static_assert(sizeof(struct bank_friction) == 16, "layout of the friction record");
 _Static_assert(sizeof(struct bank_branch) == 16, "layout of a branch");
 _Static_assert(sizeof(struct bank_viscoelastic) == 16, "layout of the record before the branches");
+_Static_assert(sizeof(struct bank_quasi_nonlinear) == 96, "layout of the curves");
 _Static_assert(sizeof(struct bank_cubic) == 28, "layout of a cubic form");
 _Static_assert(sizeof(struct bank_neo_hookean) == 16, "layout of the record before the cubic forms");
 _Static_assert(sizeof(struct bank_sphere) == 32, "layout of a sphere");

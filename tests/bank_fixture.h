@@ -43,7 +43,8 @@ struct bank_fixture_options {
     const struct bank_tool *tool;   /* the instruments, if not those of fixture_tool */
     unsigned branches;              /* 0: the bank does not name viscoelastic */
     struct bank_branch branch[BANK_MAX_BRANCHES];
-    const struct bank_cubic *cubic; /* per vertex; NULL: the bank does not name neo_hookean */
+    const struct bank_cubic *cubic;            /* per vertex; NULL: the bank does not name neo_hookean */
+    const struct bank_quasi_nonlinear *curves; /* NULL: the bank does not name quasi_nonlinear */
 };
 
 static const struct bank_fixture_options bank_fixture_default = {.subdivisions = 2,
@@ -385,6 +386,7 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
         {0},
         {0},
         {0},
+        {0},
     };
     uint32_t parts = 8, effects = 0;
     struct bank_viscoelastic *visco = calloc(1, sizeof *visco + sizeof o->branch);
@@ -417,6 +419,10 @@ static inline unsigned char *bank_fixture(const struct bank_fixture_options *opt
     if (o->branches) {
         part[parts++] = (struct fixture_part){BANK_VISC, BANK_REQUIRED, 1, o->branches, 16 + 16 * o->branches, visco};
         effects |= EFFECT_VISCOELASTIC;
+    }
+    if (o->curves) {
+        part[parts++] = (struct fixture_part){BANK_QNLC, BANK_REQUIRED, 1, 1, sizeof *o->curves, (void *)o->curves};
+        effects |= EFFECT_QUASI_NONLINEAR;
     }
     struct bank_neo_hookean *neo = calloc(1, sizeof *neo + n * sizeof neo->vertex[0]);
     neo->radius_m = (float)o->tip_radius_m;

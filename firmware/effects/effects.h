@@ -19,6 +19,9 @@
 #if IF_NEO_HOOKEAN(1) + 0
 #include "effects/neo_hookean.h"
 #endif
+#if IF_QUASI_NONLINEAR(1) + 0
+#include "effects/quasi_nonlinear.h"
+#endif
 #if IF_SECOND(1) + 0
 #include "effects/second.h"
 #endif

@@ -88,6 +88,7 @@ static inline void effects_correct(struct controller *c, const struct bank_view 
 {
     (void)c, (void)bank;
     IF_NEO_HOOKEAN(if (bank->neo_hookean) neo_hookean_correct(&c->neo_hookean, bank, &c->contact);)
+    IF_QUASI_NONLINEAR(if (bank->quasi_nonlinear) quasi_nonlinear_correct(&c->quasi_nonlinear, bank, &c->contact);)
 }
 
 /* After the forces of this tick are known: what an effect remembers of them. */

@@ -27,6 +27,12 @@
 #define IF_NEO_HOOKEAN(...)
 #endif
 
+#if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_quasi_nonlinear)
+#define IF_QUASI_NONLINEAR(...) __VA_ARGS__
+#else
+#define IF_QUASI_NONLINEAR(...)
+#endif
+
 #if !defined(TROCAR_IMAGE) || defined(TROCAR_HAS_second)
 #define IF_SECOND(...) __VA_ARGS__
 #else

@@ -6,7 +6,8 @@ int neo_hookean_open(struct bank_view *view)
 {
     const struct bank_section *section = bank_view_section(view, BANK_NEOH);
     const struct bank_neo_hookean *b = (const void *)((const char *)view->header + section->offset);
-    if (view->header->effects & (EFFECT_FRICTION | EFFECT_SWING | EFFECT_VISCOELASTIC | EFFECT_GRASP))
+    if (view->header->effects &
+        (EFFECT_FRICTION | EFFECT_SWING | EFFECT_VISCOELASTIC | EFFECT_GRASP | EFFECT_RIGID | EFFECT_QUASI_NONLINEAR))
         return STATUS_BANK_SECTION;
     if (section->count != view->vertex_count || section->length != sizeof *b + section->count * sizeof b->vertex[0])
         return STATUS_BANK_LENGTH;

@@ -43,6 +43,12 @@ static double corrected(bool is, double m)
     return is ? solver_step(m) + 90 * m * m + 700 * m + 1000 : 0;
 }
 
+/* Each tool's energy and the balance of its curve (firmware/effects/quasi_nonlinear.c). */
+static double curved(bool is, double m)
+{
+    return is ? 25 * m * m + 200 * m + 4000 : 0;
+}
+
 struct worst_effects worst_tick_effects(const struct scene *scene)
 {
     const struct scene_effects *e = &scene->effects;
@@ -57,6 +63,7 @@ struct worst_effects worst_tick_effects(const struct scene *scene)
     if (e->named & EFFECT_VISCOELASTIC)
         w.branches = (unsigned)e->viscoelastic.series.count + (e->viscoelastic.series.viscosity_s > 0);
     w.spheres = e->named & EFFECT_SHAPE;
+    w.curved = e->named & EFFECT_QUASI_NONLINEAR;
     w.corrected = e->named & EFFECT_NEO_HOOKEAN;
     return w;
 }
@@ -72,7 +79,8 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
     double solver =
         effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides) : steps * solver_step(m);
-    solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m);
+    solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m) +
+              curved(effects.curved, m);
     double point = WORST_TICK_POINT + (effects.spheres ? WORST_TICK_SPHERE : 0);
     return WORST_TICK_BASE + point * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);

@@ -39,6 +39,7 @@ struct worst_effects {
     unsigned modes;    /* of swing */
     unsigned branches; /* of visco-elastic tissue */
     bool spheres;      /* the points are spheres of a shape: they look for the surface before they meet it */
+    bool curved;       /* the forces go through a curve */
     bool corrected;    /* the forces are corrected and pushed again */
 };
 

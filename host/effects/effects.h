@@ -12,6 +12,7 @@
 #include "scene_friction.h"
 #include "scene_grasp.h"
 #include "scene_neo_hookean.h"
+#include "scene_quasi_nonlinear.h"
 #include "scene_second.h"
 #include "scene_shape.h"
 #include "scene_rigid.h"

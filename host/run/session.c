@@ -218,9 +218,11 @@ static void account(struct session *s)
     r->max_factors = c->contact.factors > r->max_factors ? c->contact.factors : r->max_factors;
     struct contact_set linear; /* what linear finite elements say is the force before it was corrected */
     const struct contact_set *contacts = &c->contact;
-    if (s->bank->view.neo_hookean) {
+    const struct bank_view *bank = &s->bank->view;
+    if (bank->neo_hookean || bank->quasi_nonlinear) {
         linear = c->contact;
-        memcpy(linear.force_N, c->neo_hookean.linear_N, sizeof linear.force_N);
+        memcpy(linear.force_N, bank->neo_hookean ? c->neo_hookean.linear_N : c->quasi_nonlinear.linear_N,
+               sizeof linear.force_N);
         contacts = &linear;
         for (uint32_t t = 0; t < s->count && c->contact.count > 0; t++) {
             float by[3];
@@ -228,7 +230,7 @@ static void account(struct session *s)
                 by[a] = c->contact.force_N[t][a] - linear.force_N[t][a];
             r->correction_N = fmax(r->correction_N, length(by));
         }
-        r->beyond_range = c->neo_hookean.beyond;
+        r->beyond_range = bank->neo_hookean ? c->neo_hookean.beyond : c->quasi_nonlinear.beyond;
     }
     fem_record_tick(&s->record, contacts,
                     s->bank->view.friction ? &c->friction.system
@@ -383,8 +385,9 @@ static int compare(struct session *s, struct failure *why)
         return STATUS_OK;
     }
     r->fem_known = true;
-    r->fem_reference = s->bank->view.neo_hookean ? "linear finite elements, the force before neo_hookean corrects it"
-                                                 : "linear finite elements";
+    r->fem_reference = s->bank->view.neo_hookean || s->bank->view.quasi_nonlinear
+                           ? "linear finite elements, the force before it is corrected"
+                           : "linear finite elements";
     r->force_error_vs_fem = comparison.error;
     r->fem_compared = comparison.compared;
     for (uint32_t t = 0; t < s->count; t++) {

@@ -40,8 +40,9 @@ struct session_result {
         force_error_vs_fem; /* largest |f - f_fem| / peak |f_fem| over the compared ticks; fem_force.h says of what */
     char fem_reason[400];   /* why it is not known */
     const char *fem_reference; /* what was compared with what; NULL when not known */
-    double correction_N;       /* largest difference between the force of the effect neo_hookean and the linear one */
-    uint32_t beyond_range;     /* ticks in which that was beyond its range of validity */
+    double
+        correction_N; /* largest difference between the linear force and that of the effects neo_hookean, quasi_nonlinear */
+    uint32_t beyond_range; /* ticks in which that was beyond its range of validity */
     uint32_t fem_compared;
     double peak_fem_force_N;
     char torque_log_sha256[65];

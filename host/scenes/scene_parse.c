@@ -162,7 +162,7 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
     }
     /* Each of these changes what the others take for granted: how contacts respond, and what their forces are. */
     uint32_t alone = scene->effects.named & (EFFECT_FRICTION | EFFECT_GRASP | EFFECT_RIGID | EFFECT_SWING |
-                                             EFFECT_VISCOELASTIC | EFFECT_NEO_HOOKEAN);
+                                             EFFECT_VISCOELASTIC | EFFECT_NEO_HOOKEAN | EFFECT_QUASI_NONLINEAR);
     if (alone & (alone - 1)) {
         effects_names(alone, " and ", offered, sizeof offered);
         tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "%s do not go together yet", offered);

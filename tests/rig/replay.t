@@ -35,6 +35,7 @@ REPORTS = {  # what a fault's report must say
 EFFECTS = {"friction": "effects: {friction: {mu: 0.3}}", "swing": "effects: {swing: {modes: 4}}",
            "viscoelastic": "effects: {viscoelastic: {prony: [[0.5, 0.05 s], [1, 0.5 s]]}}",
            "neo_hookean": "effects: {neo_hookean: {sites: 60}}",
+           "quasi_nonlinear": "effects: {quasi_nonlinear: {Q: {range: 2 N, coefficients: [2, 0.5, 1]}}}",
            "grasp": "effects: {grasp: {closes: 60 %, opens: 40 %, slip: 2 N, sweeps: 10}}",
            "shape": "effects: {shape: {jaws: {}}}",
            "rigid": "effects: {rigid: {obstacles: [{name: rib, hull: [[-0.019, -0.12, 0.12], [-0.019, -0.04, 0.14]], radius: 4 mm}]}}"}

@@ -1,139 +1,193 @@
-/* The polynomials of the quasi-non-linear correction: recovered from their own values, monotone or refused, continued along
- * the tangent; and the compression of a tissue cylinder that slips between its plates, whose force and bulge are known in
- * closed form for a neo-Hookean body, reproduced from a table. */
-#include <math.h>
+/* The quasi-non-linear correction on the controller: the curve's force on any coupling against a root in double precision, the tangent
+ * beyond its range, growth with depth, proportions; and damaged sections. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
-#include <stdint.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-#include <unistd.h>
 
 #include <cmocka.h>
 
-#include "element.h"
-#include "quasi_nonlinear.h"
-#include "status.h"
+#include "random.h"
+#include "tick_bench.h"
 
-static void a_polynomial_comes_back(void **state)
+static const struct bank_quasi_nonlinear stiffening = {.sample_per_tool = 2,
+                                                       .Q = {0.3f, {0.2f, 0.3f, -0.1f, 0, 0.05f}}};
+static const struct bank_quasi_nonlinear softening = {.sample_per_tool = 0.5f, .Q = {0.1f, {0.12f, -0.06f, 0.01f}}};
+
+/* The curve in double precision, term by term. */
+static double curve(const struct bank_curve *c, double x)
+{
+    double s = x / (double)c->range, y = 0, slope = 0, at = fmin(s, 1);
+    for (int k = 1; k <= BANK_CURVE_DEGREE; k++) {
+        y += (double)c->coefficient[k - 1] * pow(at, k);
+        slope += k * (double)c->coefficient[k - 1] * pow(at, k - 1);
+    }
+    return y + slope * (s - at);
+}
+
+struct press {
+    unsigned char *bytes;
+    struct bank_view bank;
+    struct bank_contact contact; /* of the bank, changed by the test */
+    struct row_cache rows;
+    struct quasi_nonlinear effect;
+    struct contact_set linear, set; /* of the last push: before and after the correction */
+    unsigned count;
+};
+
+static void press_open(struct press *p, const struct bank_quasi_nonlinear *curves, double coupling_N_m, unsigned points)
+{
+    struct bank_fixture_options o = bank_fixture_default;
+    size_t length;
+    memset(p, 0, sizeof *p);
+    o.curves = curves;
+    p->bytes = bank_fixture(&o, &length);
+    assert_int_equal(bank_view_open(&p->bank, p->bytes, length), STATUS_OK);
+    p->contact = *p->bank.contact;
+    p->contact.coupling_stiffness_N_m = (float)coupling_N_m;
+    p->bank.contact = &p->contact;
+    assert_true(row_cache_start(&p->rows, &p->bank, NULL, 0));
+    p->count = points;
+}
+
+/* Triangles 7 apart around the top, one normal each. */
+static void push(struct press *p, double depth_m)
+{
+    p->set.count = 0;
+    for (uint32_t t = 0; t < p->bank.triangle_count && p->set.count < p->count; t += 3) {
+        const uint16_t *v = p->bank.triangles[t].vertex;
+        if (p->bank.normals[3 * v[0] + 2] < 0.7f)
+            continue;
+        struct contact *c = &p->set.contact[p->set.count];
+        *c = (struct contact){.point = p->set.count,
+                              .triangle = t,
+                              .weights = {0.3f, 0.3f, 0.4f},
+                              .depth_m = (float)(depth_m * (1 - 0.05 * p->set.count))};
+        for (int a = 0; a < 3; a++)
+            c->normal[a] = c->pull[0][a] = p->bank.normals[3 * v[0] + a];
+        p->set.count++;
+    }
+    contact_assemble(&p->set, &p->rows, &p->bank);
+    contact_push(&p->set, &p->bank);
+    p->linear = p->set;
+    quasi_nonlinear_correct(&p->effect, &p->bank, &p->set);
+}
+
+static double size(const float v[3])
+{
+    return sqrt((double)v[0] * (double)v[0] + (double)v[1] * (double)v[1] + (double)v[2] * (double)v[2]);
+}
+
+/* C q = d - p/k with p = Q(a q)/a: the root by bisection. */
+static void one_contact_has_the_curves_force_on_any_coupling(void **state)
 {
     (void)state;
-    double x[12], y[12];
-    struct monotone c;
-    struct failure why;
-    for (int k = 0; k < 12; k++) {
-        x[k] = 0.5 * k;
-        y[k] = 3 * x[k] + 0.5 * x[k] * x[k] + 0.1 * pow(x[k], 4);
+    random_seed("curve", 21);
+    unsigned beyond = 0;
+    for (int trial = 0; trial < 300; trial++) {
+        const struct bank_quasi_nonlinear *curves = trial % 2 ? &stiffening : &softening;
+        struct press p;
+        double depth = random_range(1e-5, 6e-3), k = exp(random_range(log(50), log(1e6)));
+        press_open(&p, curves, k, 1);
+        push(&p, depth);
+        double C = (double)p.linear.system[0][0] - 1 / k, a = (double)curves->sample_per_tool, low = 0,
+               high = depth / C;
+        for (int turn = 0; turn < 100; turn++) {
+            double q = (low + high) / 2;
+            *(C * q + curve(&curves->Q, a * q) / a / k < depth ? &low : &high) = q;
+        }
+        double force = curve(&curves->Q, a * low) / a;
+        beyond += p.effect.beyond;
+        /* eight steps leave nothing of single precision's 1e-7 but where a coupling takes most of the depth: 1e-5 */
+        assert_true(fabs(size(p.set.force_N[0]) - force) < 1e-5 * force + 1e-9);
+        assert_true(fabs((double)p.set.contact[0].pressure_N - force) < 1e-5 * force + 1e-9);
+        assert_true(fabs(size(p.effect.linear_N[0]) - size(p.linear.force_N[0])) == 0);
+        assert_true(fabs(size(p.set.proxy_offset_m[0]) * k - force) < 1e-5 * force + 1e-9);
+        free(p.bytes);
     }
-    assert_int_equal(monotone_fit(12, x, y, 4, "test", &c, &why), STATUS_OK);
-    assert_true(c.residual_max < 1e-12);
-    for (double at = 0; at < 5.5; at += 0.1) {
-        assert_true(fabs(monotone_value(&c, at) - (3 * at + 0.5 * at * at + 0.1 * pow(at, 4))) < 1e-10);
-        assert_true(fabs(monotone_value(&c, at) + monotone_value(&c, -at)) < 1e-12);
-    }
-    double slope = 3 + 5.5 + 0.4 * pow(5.5, 3); /* beyond: the tangent at 5.5 */
-    assert_true(fabs(monotone_slope(&c, 9) - slope) < 1e-9);
-    assert_true(fabs(monotone_value(&c, 7.5) - monotone_value(&c, 5.5) - 2 * slope) < 1e-8);
+    print_message("# %u of 300 beyond the range\n", beyond);
+    assert_true(beyond > 30 && beyond < 270);
 }
 
-static void what_turns_or_is_too_short_is_refused(void **state)
+static void several_keep_their_proportions_and_force_grows(void **state)
 {
     (void)state;
-    double x[12], y[12];
-    struct monotone c;
-    struct failure why;
-    for (int k = 0; k < 12; k++) {
-        x[k] = k / 11.0;
-        y[k] = x[k] - 0.8 * x[k] * x[k]; /* turns at 0.625 */
+    for (int trial = 0; trial < 8; trial++) {
+        struct press p;
+        double last = 0, step = 1e-5;
+        press_open(&p, trial % 2 ? &stiffening : &softening, 1200, 1 + (unsigned)trial);
+        for (int k = 1; k < 600; k++) {
+            push(&p, step * k);
+            double force = size(p.set.force_N[0]), linear = size(p.linear.force_N[0]), sum[3] = {0};
+            assert_true(force > last);
+            if (k > 1) /* no jump: at most twice the first step's slope, */
+                assert_true(force - last <
+                            8 * force / k + 1e-6); /* as neither curve is steeper than 4 times its mean */
+            for (uint32_t c = 0; c < p.set.count; c++)
+                for (int a = 0; a < 3; a++)
+                    sum[a] += (double)p.set.contact[c].pressure_N * (double)p.set.contact[c].normal[a];
+            for (int a = 0; a < 3; a++)
+                assert_true(fabs(sum[a] - (double)p.set.force_N[0][a]) < 1e-5 * force);
+            for (uint32_t c = 0; c < p.set.count; c++)
+                assert_true(fabs((double)p.set.contact[c].pressure_N * linear -
+                                 (double)p.linear.contact[c].pressure_N * force) < 1e-5 * linear * force);
+            last = force;
+        }
+        assert_true(p.effect.beyond > 0);
+        free(p.bytes);
     }
-    assert_int_equal(monotone_fit(12, x, y, 2, "test", &c, &why), STATUS_FIT);
-    assert_non_null(strstr(why.cause, "0.625"));
-    assert_int_equal(monotone_fit(3, x, y, 2, "test", &c, &why), STATUS_FIT);
-    for (int k = 0; k < 12; k++) /* falls from the start */
-        y[k] = -x[k] + 3 * x[k] * x[k];
-    assert_int_equal(monotone_fit(12, x, y, 2, "test", &c, &why), STATUS_FIT);
 }
 
-/* Of a bar at stretch s whose sides are free: mu (b^2 - 1) + lambda ln(s b^2) = 0 for the lateral stretch b. */
-static double lateral(struct lame m, double s)
-{
-    double low = 0.3, high = 3;
-    for (int k = 0; k < 200; k++) {
-        double b = (low + high) / 2;
-        *(m.mu_Pa * (b * b - 1) + m.lambda_Pa * log(s * b * b) > 0 ? &high : &low) = b;
-    }
-    return low;
-}
-
-static int fit_of(const char *text, int degree, struct quasi_nonlinear *q, struct failure *why)
-{
-    static const struct sample brain = {.height_m = 0.013, .radius_m = 0.015, .E_Pa = 3000, .nu = 0.45};
-    char path[] = "/tmp/trocar-curve-XXXXXX";
-    int file = mkstemp(path);
-    assert_true(file >= 0 && write(file, text, strlen(text)) == (ssize_t)strlen(text));
-    close(file);
-    int status = quasi_nonlinear_fit(path, &brain, degree, q, why);
-    unlink(path);
-    return status;
-}
-
-/* To 30 % of its height, in steps of 1.5 %. */
-static void the_compression_of_a_tissue_cylinder_is_reproduced(void **state)
+static void damaged_sections_are_refused(void **state)
 {
     (void)state;
-    const double h = 0.013, r = 0.015, E = 3000, nu = 0.45;
-    struct lame m = lame_from_young(E, nu);
-    char text[4000] = "# a cylinder between plates\ndepth [mm], force [mN], across [mm]\n";
-    double force[21], bulge[21], worst[3] = {0}, area = acos(-1) * r * r;
-    for (int k = 0; k <= 20; k++) {
-        double s = 1 - 0.015 * k, b = lateral(m, s);
-        force[k] = -area * (m.mu_Pa * (s - 1 / s) + m.lambda_Pa * log(s * b * b) / s);
-        bulge[k] = r * (b - 1);
-        snprintf(text + strlen(text), sizeof text - strlen(text), "%.9g, %.9g, %.9g\n", 1e3 * h * 0.015 * k,
-                 1e3 * force[k], 1e3 * bulge[k]);
+    static const struct {
+        unsigned word;
+        uint32_t value;
+    } cases[] = {
+        {0, 2},
+        {1, 0},
+        {1, 0x7FC00000},
+        {2, 0},
+        {2, 0xBF000000},
+        {2, 0x7F800000},
+        {3, 0},
+        {3, 0x7FC00000},
+        {4, 0x7F800000},
+        {5, 0xC1200000}, /* turns */
+        {0, 1 /* no P */},
+    };
+    struct bank_fixture_options o = bank_fixture_default;
+    struct bank_view view;
+    size_t length;
+    o.curves = &stiffening;
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        unsigned char *bytes = bank_fixture(&o, &length);
+        assert_int_equal(bank_view_open(&view, bytes, length), STATUS_OK);
+        memcpy(bytes + bank_fixture_section(bytes, BANK_QNLC)->offset + 4 * cases[k].word, &cases[k].value, 4);
+        bank_fixture_seal(bytes, length);
+        assert_int_equal(bank_view_open(&view, bytes, length), STATUS_BANK_NONFINITE);
+        assert_int_equal(view.fault_tag, BANK_QNLC);
+        free(bytes);
     }
-    struct quasi_nonlinear q;
-    struct failure why;
-    assert_int_equal(fit_of(text, 4, &q, &why), STATUS_OK);
-    assert_true(q.has_across && fabs(q.depth_max_m - 0.3 * h) < 1e-12);
-    for (int k = 0; k <= 20; k++) {
-        double x = 0.015 * k * h, f = area * E * x / h, w = nu * r * x / h;
-        worst[0] = fmax(worst[0], fabs(monotone_value(&q.Q, f) - force[k]) / force[20]);
-        worst[1] = fmax(worst[1], fabs(monotone_value(&q.P, w) - bulge[k]) / bulge[20]);
-        worst[2] = fmax(worst[2], fabs(f - force[k]) / force[20]);
-    }
-    printf("# cylinder: force to %.2e, bulge to %.2e of the largest, degrees %d and %d; linear elasticity is off by "
-           "%.0f %%\n",
-           worst[0], worst[1], q.Q.degree, q.P.degree, 100 * worst[2]);
-    assert_true(worst[0] < 0.005 && worst[1] < 0.005);     /* the fit's own promise */
-    assert_true(fabs(worst[0] - q.Q.residual_max) < 1e-7); /* 9 digits in the table */
-    assert_true(worst[2] > 0.1);
-}
-
-static void bad_tables_are_refused_with_their_line(void **state)
-{
-    (void)state;
-    struct quasi_nonlinear q;
-    struct failure why;
-    assert_int_equal(fit_of("depth [mm], F [N]\n0, 0\n", 2, &q, &why), STATUS_TABLE_SYNTAX);
-    assert_int_equal(fit_of("depth [mm], force [kg]\n0, 0\n", 2, &q, &why), STATUS_TABLE_SYNTAX);
-    assert_int_equal(fit_of("depth [mm], force [N]\n0, 0\n1, 1\n1, 2\n", 2, &q, &why), STATUS_FIT);
-    assert_non_null(strstr(why.place, ":4"));
-    assert_int_equal(fit_of("depth [mm], force [N]\n0, 0\n1, \n2, 2\n", 2, &q, &why), STATUS_FIT);
-    assert_non_null(strstr(why.place, ":3"));
-    assert_int_equal(fit_of("depth [mm], force [N]\n0, 0\n1, 1\n2, 2\n", 2, &q, &why), STATUS_FIT);
+    unsigned char *bytes = bank_fixture(&o, &length);
+    bank_fixture_section(bytes, BANK_QNLC)->count = 2;
+    bank_fixture_seal(bytes, length);
+    assert_int_equal(bank_view_open(&view, bytes, length), STATUS_BANK_LENGTH);
+    free(bytes);
+    o.grasp_slip_N = 1; /* both: not yet */
+    bytes = bank_fixture(&o, &length);
+    assert_int_equal(bank_view_open(&view, bytes, length), STATUS_BANK_SECTION);
+    assert_int_equal(view.fault_tag, BANK_QNLC);
+    free(bytes);
 }
 
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_polynomial_comes_back),
-        cmocka_unit_test(what_turns_or_is_too_short_is_refused),
-        cmocka_unit_test(the_compression_of_a_tissue_cylinder_is_reproduced),
-        cmocka_unit_test(bad_tables_are_refused_with_their_line),
+        cmocka_unit_test(one_contact_has_the_curves_force_on_any_coupling),
+        cmocka_unit_test(several_keep_their_proportions_and_force_grows),
+        cmocka_unit_test(damaged_sections_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,4 @@
-#include "quasi_nonlinear.h"
+#include "cylinder_fit.h"
 
 #include <gsl/gsl_multifit.h>
 #include <gsl/gsl_poly.h>
@@ -35,10 +35,10 @@ double monotone_slope(const struct monotone *c, double x)
     return derivative(c, fmin(1, fabs(x) / c->range)) / c->range;
 }
 
-/* The first x in 0 .. range where the slope vanishes, or a negative number; every root of the derivative is looked at. */
-static double turning(const struct monotone *c)
+/* Every root of the derivative is looked at. */
+double monotone_turn(const struct monotone *c)
 {
-    double slope[QUASI_NONLINEAR_DEGREE_MAX], root[2 * QUASI_NONLINEAR_DEGREE_MAX], first = -1;
+    double slope[CYLINDER_FIT_DEGREE_MAX] = {0}, root[2 * CYLINDER_FIT_DEGREE_MAX], first = -1;
     int n = c->degree - 1;
     for (int k = 0; k <= n; k++)
         slope[k] = (k + 1) * c->coefficient[k + 1];
@@ -88,7 +88,7 @@ int monotone_fit(size_t count, const double *x, const double *y, int degree, con
                  struct failure *why)
 {
     *c = (struct monotone){.degree = degree};
-    if (degree < 1 || degree > QUASI_NONLINEAR_DEGREE_MAX || count < (size_t)degree + 2)
+    if (degree < 1 || degree > CYLINDER_FIT_DEGREE_MAX || count < (size_t)degree + 2)
         return failure_set(why, STATUS_FIT, place, "measure at more depths, or lower the degree",
                            "%zu points are too few for a polynomial of degree %d", count, degree);
     c->range = x[count - 1];
@@ -103,7 +103,7 @@ int monotone_fit(size_t count, const double *x, const double *y, int degree, con
     }
     c->residual_rms = sqrt(c->residual_rms) / top;
     c->residual_max /= top;
-    double turn = turning(c);
+    double turn = monotone_turn(c);
     if (turn >= 0)
         return failure_set(why, STATUS_FIT, place, "leave out what is behind it, or lower the degree",
                            "the curve of degree %d is not monotone: it turns at %.4g of %.4g", degree, turn, c->range);
@@ -115,7 +115,7 @@ static int best_fit(size_t count, const double *x, const double *y, int degree_m
                     struct monotone *best, struct failure *why)
 {
     int status = STATUS_FIT;
-    for (int degree = degree_min; degree <= QUASI_NONLINEAR_DEGREE_MAX && count >= (size_t)degree + 2; degree++) {
+    for (int degree = degree_min; degree <= CYLINDER_FIT_DEGREE_MAX && count >= (size_t)degree + 2; degree++) {
         struct monotone c;
         struct failure failed;
         int now = monotone_fit(count, x, y, degree, place, &c, &failed);
@@ -157,14 +157,14 @@ static int check_rows(const struct csv *t, size_t depth, size_t used, const size
     return STATUS_OK;
 }
 
-int quasi_nonlinear_fit(const char *path, const struct sample *s, int degree_min, struct quasi_nonlinear *fit,
-                        struct failure *why)
+int cylinder_fit_file(const char *path, const struct sample *s, int degree_min, struct cylinder_fit *fit,
+                      struct failure *why)
 {
     struct csv t;
     size_t column[3] = {0};
     double times[3] = {0}, *x = NULL, *y = NULL;
     struct failure none;
-    *fit = (struct quasi_nonlinear){0};
+    *fit = (struct cylinder_fit){0};
     int status = csv_read(path, &t, why);
     if (!status)
         status = csv_column(&t, "depth", &column[0], why);

@@ -6,21 +6,21 @@
  * A curve is fitted by least squares without a constant (GSL), is monotone from 0 to `range`, and goes on along its tangent
  * beyond. What it was fitted to is one line of compressions: beside that line it is no truer than linear elasticity
  * (tests/accuracy/test_second_order.c); second_order.h is the correction that holds in every direction. */
-#ifndef TROCAR_QUASI_NONLINEAR_H
-#define TROCAR_QUASI_NONLINEAR_H
+#ifndef TROCAR_CYLINDER_FIT_H
+#define TROCAR_CYLINDER_FIT_H
 
 #include <stdbool.h>
 #include <stddef.h>
 
 #include "failure.h"
 
-enum { QUASI_NONLINEAR_DEGREE_MIN = 2, QUASI_NONLINEAR_DEGREE_MAX = 10 };
+enum { CYLINDER_FIT_DEGREE_MIN = 2, CYLINDER_FIT_DEGREE_MAX = 10 };
 
 struct monotone {
     int degree;
-    double coefficient[QUASI_NONLINEAR_DEGREE_MAX + 1]; /* of (x / range)^k, in the unit of y; [0] is 0 */
-    double range;                                       /* largest x of the data */
-    double residual_rms, residual_max;                  /* of the largest |y| */
+    double coefficient[CYLINDER_FIT_DEGREE_MAX + 1]; /* of (x / range)^k, in the unit of y; [0] is 0 */
+    double range;                                    /* largest x of the data */
+    double residual_rms, residual_max;               /* of the largest |y| */
 };
 
 /* Fit of y(x), x rising from 0 or above. `place` is named in messages. STATUS_FIT when there are fewer than degree + 2 points or
@@ -32,11 +32,14 @@ int monotone_fit(size_t count, const double *x, const double *y, int degree, con
 double monotone_value(const struct monotone *curve, double x);
 double monotone_slope(const struct monotone *curve, double x);
 
+/* The first x in 0 .. range where the slope vanishes, or a negative number: it is monotone. */
+double monotone_turn(const struct monotone *curve);
+
 struct sample {
     double height_m, radius_m, E_Pa, nu;
 };
 
-struct quasi_nonlinear {
+struct cylinder_fit {
     struct monotone Q; /* N -> N */
     bool has_across;
     struct monotone P;  /* m -> m, across */
@@ -46,7 +49,7 @@ struct quasi_nonlinear {
 /* From a table (csv.h): depth [m or mm], force [N or mN], and, optional, across [m or mm], depth rising. The degrees are the
  * lowest from `degree_min` up whose largest residual is below 0.5 %, or those of the smallest residual. STATUS_TABLE_SYNTAX,
  * STATUS_FIT with the line or the depth. */
-int quasi_nonlinear_fit(const char *path, const struct sample *sample, int degree_min, struct quasi_nonlinear *fit,
-                        struct failure *why);
+int cylinder_fit_file(const char *path, const struct sample *sample, int degree_min, struct cylinder_fit *fit,
+                      struct failure *why);
 
 #endif
