@@ -5,12 +5,14 @@
 
 #include "crc.h"
 #include "loop.h"
+#include "mirror_tick.h"
 #include "state_hash.h"
 #include "wire.h"
 
 enum {
     LOST_TICKS_MOST = 127, /* of SYNC's 256: further is behind */
     LATEST_US = 350, /* a tick's torque frame is not later than so much into the next, or it is that of the next */
+    RESYNC = 4,
     SOONEST_US =
         450,       /* a tick without a sample waits longer for one (LOOP_SAMPLE_WAIT_US from the beginning of SYNC) */
     TWICE_US = 700 /* two ticks' torque frames are further apart */
@@ -49,163 +51,10 @@ void mirror_close(struct mirror *mirror)
     mirror->before = NULL;
 }
 
-static void save(struct mirror *mirror)
-{
-    mirror->saved = mirror->node;
-    if (mirror->row_bytes)
-        memcpy(mirror->saved_rows, mirror->rows, mirror->row_bytes);
-}
-
-static void restore(struct mirror *mirror)
-{
-    mirror->node = mirror->saved;
-    if (mirror->row_bytes)
-        memcpy(mirror->rows, mirror->saved_rows, mirror->row_bytes);
-}
-
-/* The same for the whole mirror. */
-static void keep(struct mirror *mirror)
-{
-    memcpy(mirror->before, mirror, sizeof *mirror);
-    if (mirror->row_bytes)
-        memcpy(mirror->before_rows, mirror->rows, mirror->row_bytes);
-}
-
-static void turn_back(struct mirror *mirror)
-{
-    memcpy(mirror, mirror->before, sizeof *mirror);
-    if (mirror->row_bytes)
-        memcpy(mirror->rows, mirror->before_rows, mirror->row_bytes);
-}
-
-static void begin(struct mirror *mirror)
-{
-    struct can_frame_t frame;
-    node_begin_tick(&mirror->node);
-    while (node_transmit(&mirror->node, &frame))
-        ;
-    mirror->open = true;
-}
-
-/* Compute the tick with the first `taken` of the frames that wait. */
-static void compute(struct mirror *mirror, size_t taken)
-{
-    struct can_frame_t frame;
-    for (size_t i = 0; i < taken; i++)
-        node_receive(&mirror->node, &mirror->pending[i]);
-    node_finish_tick(&mirror->node);
-    while (node_transmit(&mirror->node, &frame))
-        for (uint32_t t = 0; t < mirror->count; t++)
-            if (frame.id == WIRE_TORQUES_ID + mirror->node.node_id + t)
-                mirror->torques[t] = frame;
-}
-
-static bool same(const struct can_frame_t *a, const struct can_frame_t *b)
-{
-    return a->length == b->length && memcmp(a->data, b->data, a->length) == 0;
-}
-
-static uint32_t heard_count(const struct mirror *mirror)
-{
-    uint32_t count = 0;
-    for (uint32_t t = 0; t < mirror->count; t++)
-        count += mirror->heard[t];
-    return count;
-}
-
-/* Are the torques those that were heard? */
-static bool agrees(const struct mirror *mirror)
-{
-    bool all = true;
-    for (uint32_t t = 0; t < mirror->count; t++)
-        all = all && (!mirror->heard[t] || same(&mirror->torques[t], &mirror->heard_torques[t]));
-    return all;
-}
-
-/* Which instrument's sample is this? `count` when it is none. */
-static uint32_t sample_of(const struct mirror *mirror, const struct can_frame_t *frame, struct wire_encoders *sample)
-{
-    const uint32_t t = frame->id - WIRE_ENCODERS_ID - mirror->node.node_id;
-    return t < mirror->count && wire_encoders_unpack(sample, frame->data, frame->length) ? t : mirror->count;
-}
-
-/* Do the torque frames answer all that waits, one sample each? Then there is nothing to choose. */
-static bool plain(const struct mirror *mirror, size_t waiting)
-{
-    bool answered[BANK_MAX_INSTRUMENTS] = {false};
-    struct wire_encoders sample;
-    struct wire_torques answer;
-    bool all = waiting == mirror->count;
-    for (size_t i = 0; i < waiting && all; i++) {
-        const uint32_t t = sample_of(mirror, &mirror->pending[i], &sample);
-        all = t < mirror->count && !answered[t] && mirror->heard[t] &&
-              wire_torques_unpack(&answer, mirror->heard_torques[t].data, mirror->heard_torques[t].length) &&
-              answer.sequence == sample.sequence;
-        if (all)
-            answered[t] = true;
-    }
-    return all;
-}
-
-/* What was heard of this tick, counted. */
-static void judge(struct mirror *mirror)
-{
-    const uint64_t place = mirror->ticks % MIRROR_PAST;
-    for (uint32_t t = 0; t < mirror->count; t++) {
-        mirror->past[place][t] = mirror->torques[t];
-        mirror->missing[place][t] = !mirror->heard[t];
-        mirror->unanswered += !mirror->heard[t];
-        if (!mirror->heard[t])
-            continue;
-        const bool good = same(&mirror->torques[t], &mirror->heard_torques[t]);
-        mirror->agreed += good;
-        mirror->differed += !good;
-        if (!good) {
-            mirror->recorded = mirror->heard_torques[t];
-            mirror->computed = mirror->torques[t];
-        }
-        mirror->heard[t] = false;
-    }
-}
-
-/* End the tick, with the torque frames that were heard. */
-static bool end(struct mirror *mirror)
-{
-    const bool any = heard_count(mirror) > 0;
-    const size_t waiting = any ? mirror->before_torques : mirror->pending_count;
-    size_t taken = waiting;
-    while (!any && mirror->any_sync && taken > 0 &&
-           mirror->pending_us[taken - 1] > mirror->sync_us + LOOP_SAMPLE_WAIT_US)
-        taken--;
-    const bool choice = any && taken > 0 && !plain(mirror, waiting);
-    if (choice)
-        save(mirror);
-    compute(mirror, taken);
-    bool good = agrees(mirror);
-    while (choice && !good && taken > 0) {
-        restore(mirror);
-        compute(mirror, --taken);
-        good = agrees(mirror);
-    }
-    if (choice && !good) { /* none agrees: as if all had been in time */
-        restore(mirror);
-        taken = waiting;
-        compute(mirror, taken);
-    }
-    mirror->late += any ? waiting - taken : 0;
-    mirror->pending_count -= taken;
-    memmove(mirror->pending_us, mirror->pending_us + taken, mirror->pending_count * sizeof mirror->pending_us[0]);
-    memmove(mirror->pending, mirror->pending + taken, mirror->pending_count * sizeof mirror->pending[0]);
-    judge(mirror);
-    mirror->ticks++;
-    mirror->open = false;
-    return good;
-}
-
 void mirror_finish(struct mirror *mirror)
 {
     if (mirror->open)
-        end(mirror);
+        mirror_end(mirror);
 }
 
 /* The controller was started again. Its first SYNC, and the sample that answers it, passed the heartbeat on the bus. */
@@ -218,7 +67,7 @@ static void start(struct mirror *mirror)
     memset(mirror->heard, 0, sizeof mirror->heard);
     mirror->joined = false;
     mirror->starts++;
-    begin(mirror);
+    mirror_begin(mirror);
 }
 
 /* The counter must have gone on by as many ticks as the time says; else it was damaged, and is of no use. */
@@ -228,7 +77,20 @@ static unsigned lost_ticks(const struct mirror *mirror, uint8_t counter, uint64_
     if (!mirror->any_sync || ahead == 0 || ahead > LOST_TICKS_MOST)
         return 0;
     const uint64_t elapsed = (time_us - mirror->sync_us + LOOP_TICK_US / 2) / LOOP_TICK_US;
-    return elapsed >= ahead ? ahead : 0;
+    return elapsed > ahead ? ahead : 0;
+}
+
+/* After faults of many kinds at once the mirror may have made a tick too many or too few. When SYNC says the same for RESYNC
+ * times in a row, it is believed: the mirror joins anew. */
+static void resynchronise(struct mirror *mirror, uint8_t counter)
+{
+    const int8_t off = (int8_t)(counter - (mirror->node.controller.tick_count + 1 + mirror->open));
+    mirror->same_off = off == mirror->sync_off ? mirror->same_off + 1 : 0;
+    mirror->sync_off = off;
+    if (off == 0 || mirror->same_off < RESYNC)
+        return;
+    mirror->joined = true;
+    mirror->node.controller.tick_count += (uint32_t)off;
 }
 
 static void receive_sync(struct mirror *mirror, const struct can_frame_t *frame, uint64_t time_us)
@@ -236,22 +98,30 @@ static void receive_sync(struct mirror *mirror, const struct can_frame_t *frame,
     struct wire_sync m;
     if (!wire_sync_unpack(&m, frame->data, frame->length))
         return;
+    resynchronise(mirror, m.counter);
     const uint32_t number = mirror->node.controller.tick_count + 1 + mirror->open; /* of the tick that should begin */
     if (!mirror->any_sync && m.counter != (uint8_t)number && !mirror->open) {
         mirror->joined = true;
         mirror->node.controller.tick_count = m.counter - 1u;
     } else if (((m.counter - number) & 0xFF) >= 0x80) {
-        return; /* heard twice, or late */
+        if (mirror->ignored++ > 0)
+            mirror->sync_us = time_us; /* one after the other: it is the mirror that is ahead */
+        return;                        /* heard twice, or late */
     }
+    mirror->ignored = 0;
+    mirror->doubtful = mirror->open && mirror_heard(mirror) > 0;
+    if (mirror->doubtful)
+        mirror_keep(mirror);
     mirror_finish(mirror);
     for (unsigned lost = lost_ticks(mirror, m.counter, time_us); lost > 0; lost--) {
-        begin(mirror);
-        end(mirror);
+        mirror_begin(mirror);
+        mirror_end(mirror);
         mirror->lost_ticks++;
     }
     mirror->any_sync = true;
     mirror->sync_us = time_us;
-    begin(mirror);
+    mirror->old_pending = mirror->pending_count;
+    mirror_begin(mirror);
 }
 
 /* Samples of an instrument that wait; *answered: the sequence is one of theirs. */
@@ -261,7 +131,7 @@ static size_t samples_waiting(const struct mirror *mirror, uint32_t t, uint8_t s
     size_t count = 0;
     *answered = false;
     for (size_t i = 0; i < mirror->pending_count; i++) {
-        if (sample_of(mirror, &mirror->pending[i], &sample) != t)
+        if (mirror_sample_of(mirror, &mirror->pending[i], &sample) != t)
             continue;
         *answered |= sample.sequence == sequence;
         count++;
@@ -269,10 +139,16 @@ static size_t samples_waiting(const struct mirror *mirror, uint32_t t, uint8_t s
     return count;
 }
 
+/* Since SYNC; where it was lost, since it should have come, which may be in a little while. */
+static uint64_t since_sync_us(const struct mirror *mirror, uint64_t time_us)
+{
+    return time_us > mirror->sync_us ? time_us - mirror->sync_us : 0;
+}
+
 /* Has the tick that is open been open for longer than one lasts? */
 static bool overdue(const struct mirror *mirror, uint64_t time_us)
 {
-    return mirror->open && mirror->any_sync && time_us - mirror->sync_us > LOOP_TICK_US + LATEST_US;
+    return mirror->open && mirror->any_sync && since_sync_us(mirror, time_us) > LOOP_TICK_US + LATEST_US;
 }
 
 /* No SYNC came when the next tick began: it was lost, and so were torque frames of the tick that is open. */
@@ -289,11 +165,11 @@ static bool passed(struct mirror *mirror, uint32_t t, const struct can_frame_t *
 {
     bool answered;
     const size_t samples = samples_waiting(mirror, t, sequence, &answered);
-    if (answered || (mirror->open && samples == 0 && time_us - mirror->sync_us >= SOONEST_US))
+    if (answered || (mirror->open && samples == 0 && since_sync_us(mirror, time_us) >= SOONEST_US))
         return false;
     for (uint64_t back = 1; back <= MIRROR_PAST && back <= mirror->ticks; back++) {
         const uint64_t place = (mirror->ticks - back) % MIRROR_PAST;
-        if (mirror->missing[place][t] && same(&mirror->past[place][t], frame)) {
+        if (mirror->missing[place][t] && mirror_same(&mirror->past[place][t], frame)) {
             mirror->missing[place][t] = false;
             return true;
         }
@@ -301,24 +177,60 @@ static bool passed(struct mirror *mirror, uint32_t t, const struct can_frame_t *
     return false;
 }
 
+/* Is this a torque of the tick behind the one of which another's was heard? It is when it answers a sample that came since. */
+static bool answers_later(const struct mirror *mirror, uint32_t t, uint8_t sequence)
+{
+    struct wire_encoders sample;
+    bool later = false;
+    if (mirror_heard(mirror) == 0)
+        return false;
+    for (size_t i = 0; i < mirror->pending_count; i++)
+        if (mirror_sample_of(mirror, &mirror->pending[i], &sample) == t && sample.sequence == sequence) {
+            if (i < mirror->before_torques)
+                return false;
+            later = true;
+        }
+    return later;
+}
+
 /* All torque frames of the tick were heard. */
 static void conclude(struct mirror *mirror, uint64_t time_us)
 {
     if (!overdue(mirror, time_us)) {
-        end(mirror);
+        mirror_end(mirror);
         return;
     }
     /* of this tick, by a machine that stamps late? or of the next, whose SYNC was lost? */
-    keep(mirror);
-    if (end(mirror))
+    mirror_keep(mirror);
+    if (mirror_end(mirror))
         return;
-    turn_back(mirror);
+    mirror_turn_back(mirror);
     memset(mirror->heard, 0, sizeof mirror->heard);
     pass_tick(mirror);
-    begin(mirror);
+    mirror_begin(mirror);
     memcpy(mirror->heard, mirror->before->heard, sizeof mirror->heard);
     mirror->before_torques = mirror->pending_count;
-    end(mirror);
+    mirror_end(mirror);
+}
+
+/* A torque frame of the tick that SYNC ended with only the other's: end it again with both, which may choose other samples. */
+static void end_again(struct mirror *mirror, uint32_t t, const struct can_frame_t *frame)
+{
+    struct can_frame_t since[MIRROR_PENDING];
+    uint64_t since_us[MIRROR_PENDING];
+    const size_t count = mirror->pending_count - mirror->old_pending;
+    const uint64_t sync_us = mirror->sync_us;
+    memcpy(since, mirror->pending + mirror->old_pending, count * sizeof *since);
+    memcpy(since_us, mirror->pending_us + mirror->old_pending, count * sizeof *since_us);
+    mirror_turn_back(mirror);
+    mirror->heard[t] = true;
+    mirror->heard_torques[t] = *frame;
+    mirror_end(mirror);
+    mirror->doubtful = false;
+    mirror->sync_us = sync_us;
+    mirror_begin(mirror);
+    for (size_t i = 0; i < count; i++)
+        mirror_pend(mirror, &since[i], since_us[i]);
 }
 
 static void receive_torques(struct mirror *mirror, uint32_t t, const struct can_frame_t *frame, uint64_t time_us)
@@ -335,31 +247,25 @@ static void receive_torques(struct mirror *mirror, uint32_t t, const struct can_
         mirror->agreed++;
         return;
     }
+    if (mirror->doubtful && mirror->open && mirror_heard(mirror) == 0 && !mirror->before->heard[t] &&
+        since_sync_us(mirror, time_us) < SOONEST_US && mirror->pending_count >= mirror->old_pending) {
+        end_again(mirror, t, frame);
+        return;
+    }
     const struct can_frame_t *last = mirror->heard[t] ? &mirror->heard_torques[t] : &mirror->torques[t];
-    if ((!mirror->open || mirror->heard[t]) && same(frame, last) && time_us - mirror->torques_us[t] < TWICE_US)
+    if ((!mirror->open || mirror->heard[t]) && mirror_same(frame, last) && time_us - mirror->torques_us[t] < TWICE_US)
         return; /* heard twice */
-    if (mirror->heard[t])
-        mirror_finish(mirror); /* SYNC was lost, and the other's torque */
+    if (mirror->heard[t] || answers_later(mirror, t, m.sequence))
+        pass_tick(mirror); /* SYNC was lost, and the other's torque */
     if (!mirror->open)
-        begin(mirror);
+        mirror_begin(mirror);
     mirror->torques_us[t] = time_us;
-    if (heard_count(mirror) == 0)
+    if (mirror_heard(mirror) == 0)
         mirror->before_torques = mirror->pending_count; /* later frames are of the next tick */
     mirror->heard[t] = true;
     mirror->heard_torques[t] = *frame;
-    if (heard_count(mirror) == mirror->count)
+    if (mirror_heard(mirror) == mirror->count)
         conclude(mirror, time_us);
-}
-
-static void pend(struct mirror *mirror, const struct can_frame_t *frame, uint64_t time_us)
-{
-    if (mirror->pending_count == MIRROR_PENDING) { /* more than a controller's tick can have: the oldest go in */
-        node_receive(&mirror->node, &mirror->pending[0]);
-        memmove(mirror->pending, mirror->pending + 1, --mirror->pending_count * sizeof mirror->pending[0]);
-        memmove(mirror->pending_us, mirror->pending_us + 1, mirror->pending_count * sizeof mirror->pending_us[0]);
-    }
-    mirror->pending_us[mirror->pending_count] = time_us;
-    mirror->pending[mirror->pending_count++] = *frame;
 }
 
 /* Whoever joins goes into RUN with the controller that is there already. */
@@ -369,7 +275,7 @@ static void follow(struct mirror *mirror, uint32_t t, unsigned state)
     if (!mirror->joined || state != SAFETY_RUN || mirror->node.controller.instrument[t].safety.state != SAFETY_READY)
         return;
     wire_nmt_pack(frame.data, &(struct wire_nmt){.command = 1, .node = (uint8_t)(mirror->node.node_id + t)});
-    pend(mirror, &frame, mirror->sync_us);
+    mirror_pend(mirror, &frame, mirror->sync_us);
 }
 
 static void receive_health(struct mirror *mirror, uint32_t t, const struct can_frame_t *frame)
@@ -402,7 +308,7 @@ static void receive_own(struct mirror *mirror, uint32_t t, const struct can_fram
     case WIRE_ENCODERS_ID:
         if (overdue(mirror, time_us) && samples_waiting(mirror, t, 0, &answered) > 0)
             pass_tick(mirror); /* a second sample */
-        pend(mirror, frame, time_us);
+        mirror_pend(mirror, frame, time_us);
         break;
     case WIRE_TORQUES_ID:
         receive_torques(mirror, t, frame, time_us);
@@ -429,7 +335,7 @@ enum mirror_verdict mirror_receive(struct mirror *mirror, const struct can_frame
     if (frame->id == WIRE_SYNC_ID)
         receive_sync(mirror, frame, time_us);
     else if (frame->id == WIRE_NMT_ID)
-        pend(mirror, frame, time_us);
+        mirror_pend(mirror, frame, time_us);
     else if (t < mirror->count)
         receive_own(mirror, t, frame, time_us);
     return mirror->damaged > damaged                          ? MIRROR_DAMAGED

@@ -49,6 +49,11 @@ struct mirror {
     const struct bank_view *bank;
     bool open; /* a tick has begun */
     bool any_sync;
+    bool
+        doubtful; /* the last tick was ended by SYNC with the torques of one instrument only; `before` is before that */
+    size_t old_pending;         /* of the frames that wait, those from before SYNC */
+    int8_t sync_off;            /* SYNC's counter less the mirror's, and how often it has been so in a row */
+    unsigned same_off, ignored; /* ignored: SYNCs that were behind, in a row */
     uint64_t sync_us, torques_us[BANK_MAX_INSTRUMENTS]; /* when the last of each was heard */
     bool heard[BANK_MAX_INSTRUMENTS];                   /* the controller's torques of the tick that is open */
     struct can_frame_t heard_torques[BANK_MAX_INSTRUMENTS];

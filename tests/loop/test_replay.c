@@ -15,13 +15,15 @@ static void write_frame(void *context, const struct can_frame_t *frame, uint64_t
     assert_int_equal(candump_write(context, "soft", frame, busy ? time_us + away_us : time_us, &why), STATUS_OK);
 }
 
-/* The log of a gesture in a temporary file; `l` keeps the bank. */
-static FILE *record(struct loop *l, const char *gesture)
+/* The log of a gesture in a temporary file, of two instruments with the second one's pokes; `l` keeps the bank. */
+static FILE *record(struct loop *l, unsigned instruments, const char *gesture)
 {
+    struct bank_fixture_options bank = bank_fixture_default;
+    bank.instruments = instruments;
     FILE *log = tmpfile();
     assert_non_null(log);
-    loop_bank(l, NULL);
-    loop_open(l, &(struct session_options){.gesture = {gesture}});
+    loop_bank(l, &bank);
+    loop_open(l, &(struct session_options){.gesture = {gesture, instruments > 1 ? "poke" : NULL}});
     bus_listen(session_bus(l->session), write_frame, log);
     while (loop_tick(l))
         ;
@@ -30,20 +32,27 @@ static FILE *record(struct loop *l, const char *gesture)
     return log;
 }
 
-static void in_this_process_every_torque_frame_is_the_same(void **state)
+static void in_this_process(unsigned instruments)
 {
-    (void)state;
     struct loop l;
     struct replay_result result;
     struct failure why = {0};
-    FILE *log = record(&l, "tour");
+    FILE *log = record(&l, instruments, "tour");
     assert_int_equal(replay_log(log, "log", &l.bank.view, &(struct replay_options){0}, &result, &why), STATUS_OK);
     assert_int_equal(result.ticks, l.result.ticks);
-    assert_int_equal(result.agreed, l.result.ticks);
+    assert_int_equal(result.agreed, instruments * l.result.ticks);
+    assert_int_equal(result.instruments, instruments);
     assert_int_equal(result.differed + result.hashes_differed + result.unanswered + result.late + result.line, 0);
     assert_true(fabs(result.peak_force_N - l.result.peak_force_N) < 1e-6);
     fclose(log);
     loop_end(&l);
+}
+
+static void in_this_process_every_torque_frame_is_the_same(void **state)
+{
+    (void)state;
+    in_this_process(1);
+    in_this_process(2);
 }
 
 static void stamps_of_a_busy_machine_do_no_harm(void **state)
@@ -68,7 +77,7 @@ static void transmit(struct bus *bus, int port, struct node *node)
 }
 
 /* `wrong`: the controller has another bank. */
-static void on_a_bus(bool wrong, const char *gesture)
+static void on_a_bus(unsigned instruments, bool wrong, const char *gesture)
 {
     static struct node node;
     struct loop l;
@@ -80,9 +89,10 @@ static void on_a_bus(bool wrong, const char *gesture)
     struct bank_view other;
     size_t length;
     softer.young_Pa *= 0.999;
+    softer.instruments = instruments;
     unsigned char *bytes = bank_fixture(&softer, &length);
     assert_int_equal(bank_view_open(&other, bytes, length), STATUS_OK);
-    FILE *log = record(&l, gesture);
+    FILE *log = record(&l, instruments, gesture);
     assert_int_equal(replay_bus_open(&replay, log, "log", &(struct replay_options){0}, &why), STATUS_OK);
     assert_int_equal(replay.tick_count, l.result.ticks);
     struct bus *bus = bus_create(1000000);
@@ -105,7 +115,7 @@ static void on_a_bus(bool wrong, const char *gesture)
         }
     }
     assert_int_equal(status, 1);
-    assert_int_equal(replay.agreed + replay.differed, l.result.ticks);
+    assert_int_equal(replay.agreed + replay.differed, instruments * l.result.ticks);
     assert_int_equal(replay.unanswered + replay.no_room + replay.not_recorded, 0);
     assert_int_equal(node.controller.instrument[0].safety.missed, 0);
     if (wrong)
@@ -123,13 +133,15 @@ static void on_a_bus(bool wrong, const char *gesture)
 static void on_a_bus_in_the_place_of_the_device_every_torque_frame_is_the_same(void **state)
 {
     (void)state;
-    on_a_bus(false, "tour");
+    on_a_bus(1, false, "tour");
+    on_a_bus(2, false, "tour");
 }
 
 static void on_a_bus_another_bank_is_found_out(void **state)
 {
     (void)state;
-    on_a_bus(true, "press");
+    on_a_bus(1, true, "press");
+    on_a_bus(2, true, "press");
 }
 
 int main(void)
