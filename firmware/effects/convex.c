@@ -3,6 +3,7 @@
 #include "real.h"
 
 #define CONVEX_EQUAL 1e-6f /* of distances that differ by rounding */
+enum { CONVEX_IDLE = 2 };  /* steps in a row that may bring no nearer */
 
 /* Vertices of the difference A - B, and the point of their simplex that is nearest to the origin. */
 struct simplex {
@@ -194,6 +195,7 @@ void convex_closest(struct convex a, struct convex b, const float start[3], stru
 {
     struct simplex s = {.feature.count = 0};
     float reach, gap = -3e38f;
+    int idle = 0;
     *out = (struct convex_closest){.apart = false};
     add_vertex(&s, a, b, start, &reach);
     reduce(&s);
@@ -210,14 +212,15 @@ void convex_closest(struct convex a, struct convex b, const float start[3], stru
             *out = now;
             gap = now.apart ? reach / length : 0.0f;
         }
-        if (!more)
+        if (!more || length - reach / length <= CONVEX_EQUAL * length)
             return;
         if (!reduce(&s)) {
             out->apart = false;
             out->distance_m = 0.0f;
             return;
         }
-        if (!(s.length2 < length2 * (1.0f + CONVEX_EQUAL))) /* only by rounding */
+        idle = s.length2 < length2 ? 0 : idle + 1;
+        if (idle > CONVEX_IDLE || !(s.length2 < length2 * (1.0f + CONVEX_EQUAL))) /* only by rounding */
             return;
     }
 }

@@ -65,8 +65,8 @@ int rigid_open(struct bank_view *view)
     const struct bank_obstacle *obstacle = (const void *)(b + 1);
     if (section->count > BANK_MAX_OBSTACLES || section->length != sizeof *b + section->count * sizeof *obstacle)
         return STATUS_BANK_LENGTH;
-    const uint32_t others = EFFECT_FRICTION | EFFECT_GRASP | EFFECT_SWING | EFFECT_VISCOELASTIC;
-    bool good = b->obstacles == section->count && !(view->header->effects & others) && b->reserved[0] == 0 &&
+    const uint32_t together = EFFECT_RIGID | EFFECT_SECOND | EFFECT_SHAPE;
+    bool good = b->obstacles == section->count && !(view->header->effects & ~together) && b->reserved[0] == 0 &&
                 b->reserved[1] == 0 && b->reserved[2] == 0;
     for (uint32_t t = 0; t < BANK_MAX_INSTRUMENTS; t++) /* bound: BANK_MAX_INSTRUMENTS */
         good = good && within(b->shaft_radius_m[t], BANK_MIN_SHAFT_M, 1.0f);

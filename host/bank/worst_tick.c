@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "effects/cone.h"
+#include "effects/convex.h"
 #include "row_cache.h"
 
 /* One factorisation of an m x m system, its two substitutions and the look for the next contact (firmware/contact.c): seven
@@ -49,6 +50,14 @@ static double curved(bool is, double m)
     return is ? 25 * m * m + 200 * m + 4000 : 0;
 }
 
+/* Of what does not give way: each pair of pieces is asked for its closest points twice (firmware/effects/convex.c). */
+static double rigid(const struct worst_effects *e)
+{
+    double steps = 2 * CONVEX_STEPS;
+    return e->rigid_pairs * (steps * WORST_TICK_CLOSEST + 500) + e->rigid_points * steps * WORST_TICK_SUPPORT +
+           300 * e->rigid_contacts;
+}
+
 struct worst_effects worst_tick_effects(const struct scene *scene)
 {
     const struct scene_effects *e = &scene->effects;
@@ -65,6 +74,10 @@ struct worst_effects worst_tick_effects(const struct scene *scene)
     w.spheres = e->named & EFFECT_SHAPE;
     w.curved = e->named & EFFECT_QUASI_NONLINEAR;
     w.corrected = e->named & EFFECT_NEO_HOOKEAN;
+    if (e->named & EFFECT_RIGID) {
+        w.rigid_pairs = scene_rigid_pairs(scene, &w.rigid_points);
+        w.rigid_contacts = scene_rigid_contacts(scene);
+    }
     return w;
 }
 
@@ -77,10 +90,10 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double product = max_blocks * (double)(2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
     double overshoot = fmax(ROW_CACHE_PORTION * block, product);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
-    double solver =
-        effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides) : steps * solver_step(m);
+    double solver = effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides)
+                                   : steps * solver_step(m + effects.rigid_contacts);
     solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m) +
-              curved(effects.curved, m);
+              curved(effects.curved, m) + rigid(&effects);
     double point = WORST_TICK_POINT + (effects.spheres ? WORST_TICK_SPHERE : 0);
     return WORST_TICK_BASE + point * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);

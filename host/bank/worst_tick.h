@@ -30,6 +30,8 @@
 #define WORST_TICK_SPHERE     4000.0 /* the nearest place of the surface to its centre, and the lever */
 #define WORST_TICK_PAIR       1600.0 /* of contacts, blocks in the table of products */
 #define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
+#define WORST_TICK_CLOSEST    900.0  /* a step towards the closest points of two convex hulls, */
+#define WORST_TICK_SUPPORT    30.0   /* and in it for each of their points */
 #define WORST_TICK_WORK       1.05   /* instructions per unit of row work (firmware/row_cache.h), and around it */
 
 /* What the effects of a scene add; all 0 without. */
@@ -41,6 +43,7 @@ struct worst_effects {
     bool spheres;      /* the points are spheres of a shape: they look for the surface before they meet it */
     bool curved;       /* the forces go through a curve */
     bool corrected;    /* the forces are corrected and pushed again */
+    unsigned rigid_pairs, rigid_points, rigid_contacts; /* of what does not give way: scene_rigid.h */
 };
 
 /* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */

@@ -29,8 +29,7 @@ static double stop_at(const struct scene *scene, size_t instrument)
                                         : 0;
 }
 
-/* The contacts that a tick may have at once, beside those of the tissue. */
-static unsigned most_contacts(const struct scene *scene)
+unsigned scene_rigid_contacts(const struct scene *scene)
 {
     unsigned most = scene->instrument_count == 2;
     for (size_t i = 0; i < scene->instrument_count; i++)
@@ -38,13 +37,43 @@ static unsigned most_contacts(const struct scene *scene)
     return most;
 }
 
-static struct convex part_of_axis(const struct scene_instrument *instrument, double to_m, float point[2][3])
+unsigned scene_rigid_pairs(const struct scene *scene, unsigned *points)
 {
-    for (int k = 0; k < 3; k++) {
-        point[0][k] = (float)instrument->trocar_m[k];
-        point[1][k] = (float)(instrument->trocar_m[k] + to_m * instrument->axis[k]);
+    const struct scene_rigid *r = &scene->effects.rigid;
+    unsigned pairs = 0, together = 1;
+    *points = 0;
+    for (size_t i = 0; i < scene->instrument_count; i++) {
+        unsigned pieces = 1 + (r->cannula_radius_m > 0) + (scene->instrument[i].tip_radius_m > shaft_radius(scene, i));
+        for (size_t k = 0; k < r->obstacle_count; k++)
+            *points += pieces * (2 + (unsigned)r->obstacle[k].points);
+        pairs += pieces * (unsigned)r->obstacle_count;
+        together *= pieces;
     }
-    return (struct convex){(const float(*)[3])point, 2};
+    if (scene->instrument_count == 1)
+        return pairs;
+    *points += 4 * together;
+    return pairs + together;
+}
+
+/* An instrument as it is when it is drawn back, straight in its trocar: cannula, shaft and tip (firmware/effects/rigid.h). */
+struct drawn {
+    float point[3][2][3];
+    double radius_m[3];
+};
+
+static void draw_back(const struct scene *scene, size_t i, struct drawn *d)
+{
+    const struct scene_instrument *own = &scene->instrument[i];
+    const struct scene_rigid *r = &scene->effects.rigid;
+    double end = own->length_min_m, inside = fmin(r->cannula_inside_m, end),
+           at[3][2] = {{0, inside}, {inside, end}, {end, end}};
+    for (int p = 0; p < 3; p++)
+        for (int e = 0; e < 2; e++)
+            for (int k = 0; k < 3; k++)
+                d->point[p][e][k] = (float)(own->trocar_m[k] + at[p][e] * own->axis[k]);
+    d->radius_m[0] = r->cannula_radius_m;
+    d->radius_m[1] = shaft_radius(scene, i);
+    d->radius_m[2] = own->tip_radius_m;
 }
 
 static struct convex hull_of(const struct scene_obstacle *obstacle, float point[BANK_MAX_OBSTACLE_POINTS][3])
@@ -55,42 +84,43 @@ static struct convex hull_of(const struct scene_obstacle *obstacle, float point[
     return (struct convex){(const float(*)[3])point, (uint32_t)obstacle->points};
 }
 
-static double distance(struct convex a, struct convex b)
+/* How deep it is in the rounded hull; below 0: how far away. */
+static double depth_of(const struct drawn *d, struct convex hull, double radius_m)
 {
-    struct convex_closest closest;
-    convex_closest(a, b, (const float[3]){0, 0, 1}, &closest);
-    return (double)closest.distance_m;
+    double deepest = -INFINITY;
+    for (int p = 0; p < 3; p++) {
+        struct convex_closest closest;
+        convex_closest((struct convex){(const float(*)[3])d->point[p], 2}, hull, (const float[3]){0, 0, 1}, &closest);
+        deepest = fmax(deepest, d->radius_m[p] + radius_m - (double)closest.distance_m);
+    }
+    return deepest;
 }
 
-/* Nothing may be inside anything when every instrument is drawn back as far as it goes, straight in its trocar. */
+/* Nothing may be inside anything when every instrument is drawn back. */
 static int check_rest(const struct scene *scene, struct failure *why)
 {
     const struct scene_rigid *r = &scene->effects.rigid;
+    struct drawn drawn[BANK_MAX_INSTRUMENTS];
     for (size_t i = 0; i < scene->instrument_count; i++) {
-        const struct scene_instrument *own = &scene->instrument[i];
-        float shaft[2][3], cannula[2][3], hull[BANK_MAX_OBSTACLE_POINTS][3];
-        struct convex axis = part_of_axis(own, own->length_min_m, shaft);
-        struct convex port = part_of_axis(own, r->cannula_inside_m, cannula);
-        double thick = fmax(shaft_radius(scene, i), own->tip_radius_m);
+        draw_back(scene, i, &drawn[i]);
         for (size_t k = 0; k < r->obstacle_count; k++) {
-            const struct scene_obstacle *o = &r->obstacle[k];
-            struct convex other = hull_of(o, hull);
-            double away = fmin(distance(axis, other) - thick, distance(port, other) - r->cannula_radius_m);
-            if (away <= o->radius_m)
-                return failure_at(why, STATUS_SCENE_VALUE, scene->path, o->line, "move one of them apart",
-                                  "'%s' is inside the obstacle '%s' when it is drawn back: by %.3g mm", own->name,
-                                  o->name, 1000 * (o->radius_m - away));
+            float hull[BANK_MAX_OBSTACLE_POINTS][3];
+            double depth = depth_of(&drawn[i], hull_of(&r->obstacle[k], hull), r->obstacle[k].radius_m);
+            if (depth >= 0)
+                return failure_at(why, STATUS_SCENE_VALUE, scene->path, r->obstacle[k].line, "move one of them",
+                                  "'%s' is inside the obstacle '%s' when it is drawn back: by %.3g mm",
+                                  scene->instrument[i].name, r->obstacle[k].name, 1000 * depth);
         }
-        for (size_t j = 0; j < i; j++) {
-            const struct scene_instrument *other = &scene->instrument[j];
-            float second[2][3];
-            double away = distance(axis, part_of_axis(other, other->length_min_m, second));
-            double reach = thick + fmax(shaft_radius(scene, j), other->tip_radius_m);
-            if (away <= reach)
-                return failure_set(why, STATUS_SCENE_VALUE, scene->path, "move their trocars apart or turn their axes",
-                                   "'%s' and '%s' are inside each other when they are drawn back: by %.3g mm",
-                                   other->name, own->name, 1000 * (reach - away));
-        }
+        for (size_t j = 0; j < i; j++)
+            for (int p = 0; p < 3; p++) {
+                struct convex other = {(const float(*)[3])drawn[j].point[p], 2};
+                double depth = depth_of(&drawn[i], other, drawn[j].radius_m[p]);
+                if (depth >= 0)
+                    return failure_set(why, STATUS_SCENE_VALUE, scene->path,
+                                       "move their trocars apart or turn their axes",
+                                       "'%s' and '%s' are inside each other when they are drawn back: by %.3g mm",
+                                       scene->instrument[j].name, scene->instrument[i].name, 1000 * depth);
+            }
     }
     return STATUS_OK;
 }
@@ -156,7 +186,7 @@ static void check_instrument(struct tree *t, tree_node map, const struct scene *
 
 void scene_rigid_check(struct tree *t, void *map, const struct scene *scene)
 {
-    unsigned points = 0, most = most_contacts(scene);
+    unsigned points = 0, most = scene_rigid_contacts(scene);
     bool placed = true;
     for (size_t i = 0; i < scene->instrument_count; i++) {
         points += scene->instrument[i].tip_points;

@@ -38,4 +38,9 @@ void scene_rigid_print(FILE *out, const struct scene *scene);
 int scene_rigid_section(const struct scene *scene, struct body *body, struct effect_section *section,
                         struct failure *why);
 
+/* The contacts that a tick may have at once beside those of the tissue, and the pairs of pieces that it may look at, with the
+ * points of both of each summed up. */
+unsigned scene_rigid_contacts(const struct scene *scene);
+unsigned scene_rigid_pairs(const struct scene *scene, unsigned *points);
+
 #endif

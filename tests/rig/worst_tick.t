@@ -27,6 +27,7 @@ MOTIONS = [(STROKES, 10, ["--jumps", 400, "--period", 6]), (PRESS, 12, ["--jumps
 
 
 def scene(place, name, points, radius_mm):
+    points -= name == "rigid"  # its contact is one of the sixteen
     example = effects.example(name) if name else "{}"
     if name == "shape":  # jaws wide open, so that all spheres touch where the points do
         example = "{shape: {shaft: {length: 2 mm, samples: 2}, jaws: {radius: %d mm, length: %d mm, opening: 180 deg, samples: %d}}}" % (
