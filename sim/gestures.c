@@ -58,6 +58,16 @@ static const struct {
                          "press 8 mm in 0.5 s\n"
                          "hold 0.4 s\n"
                          "retract 0.4 s\n"},
+    {"shape", "# lay a shaft that comes in flat on the organ, close its jaws and open them, stroke, lift off\n"
+              "approach 0.3 s\n"
+              "press 40 mm in 0.6 s\n"
+              "slide 0 mm -8 mm in 0.4 s\n"
+              "close 0.4 s\n"
+              "open 0.4 s\n"
+              "slide 15 mm 0 mm in 0.6 s\n"
+              "slide -30 mm 0 mm in 0.9 s\n"
+              "slide 15 mm 8 mm in 0.6 s\n"
+              "retract 0.5 s\n"},
     {"tour", "# a bit of everything\n"
              "approach 0.3 s\n"
              "press 20 mm in 0.5 s\n"

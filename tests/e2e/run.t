@@ -153,7 +153,7 @@ def main(folder):
         out.write("approach 1 s\npress 20 in 1 s\n")
     refuses("a gesture's error names its line", 5, "bad.gesture:2: ", "run", path("box.bank"), "--gesture",
             path("bad.gesture"))
-    refuses("an unknown gesture names the known ones", 3, "press, slide, poke, hold, grasp, two_tools, two_tools-second, tour", "run", path("box.bank"),
+    refuses("an unknown gesture names the known ones", 3, "press, slide, poke, hold, grasp, two_tools, two_tools-second, shape, tour", "run", path("box.bank"),
             "--gesture", "wave")
     refuses("an unknown option", 2, "--tick ", "run", path("box.bank"), "--tick s")
     refuses("an option without value", 2, "needs a value", "run", path("box.bank"), "--ticks")
