@@ -190,7 +190,7 @@ void contact_assemble(struct contact_set *s, const struct row_cache *g, const st
         }
         float own[3];
         contact_multiply(s, d, d, from->normal, own);
-        from->pad_m_N = contact_pad(bank, real_dot(from->normal, own));
+        from->pad_m_N = contact_pad(bank->contact, real_dot(from->normal, own));
     }
 }
 
@@ -288,6 +288,23 @@ static float coupled(const struct contact *c, const struct contact *d)
     return sum;
 }
 
+void contact_displace(struct contact_set *s, const struct bank_contact *b)
+{
+    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
+        for (int a = 0; a < 3; a++)         /* bound: 3 */
+            s->contact[c].displacement_m[a] = -b->regularisation_m_N * s->contact[c].force_N[a];
+    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
+        if (s->contact[d].pressure_N == 0.0f)
+            continue;
+        for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+            float moved[3];
+            contact_multiply(s, c, d, s->contact[d].force_N, moved);
+            for (int a = 0; a < 3; a++) /* bound: 3 */
+                s->contact[c].displacement_m[a] -= moved[a];
+        }
+    }
+}
+
 static void assemble_system(struct contact_set *s, float softness)
 {
     for (uint32_t d = 0; d < contact_all(s); d++) { /* bound: CONTACT_MAX */
@@ -304,9 +321,9 @@ static void assemble_system(struct contact_set *s, float softness)
 }
 
 /* Forces on the tools, and where the tissue goes: the tool pushes it against the outward normal. */
-static void evaluate(struct contact_set *s, const struct bank_view *bank, const float *p)
+static void evaluate(struct contact_set *s, const struct bank_contact *b, const float *p)
 {
-    float softness = 1.0f / bank->contact->coupling_stiffness_N_m;
+    float softness = 1.0f / b->coupling_stiffness_N_m;
     for (uint32_t t = 0; t < CONTACT_TOOLS; t++) { /* bound: CONTACT_TOOLS */
         for (int a = 0; a < 3; a++) {              /* bound: 3 */
             float sum = 0.0f;
@@ -320,22 +337,12 @@ static void evaluate(struct contact_set *s, const struct bank_view *bank, const 
         struct contact *at = &s->contact[c];
         at->pressure_N = p[c];
         for (int a = 0; a < 3; a++) /* bound: 3 */
-            at->displacement_m[a] = -bank->contact->regularisation_m_N * p[c] * at->normal[a];
+            at->force_N[a] = p[c] * at->normal[a];
     }
-    for (uint32_t d = 0; d < s->count; d++) { /* bound: CONTACT_MAX */
-        if (p[d] == 0.0f)
-            continue;
-        const float *n = s->contact[d].normal, force[3] = {p[d] * n[0], p[d] * n[1], p[d] * n[2]};
-        for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
-            float moved[3];
-            contact_multiply(s, c, d, force, moved);
-            for (int a = 0; a < 3; a++) /* bound: 3 */
-                s->contact[c].displacement_m[a] -= moved[a];
-        }
-    }
+    contact_displace(s, b);
 }
 
-void contact_push(struct contact_set *s, const struct bank_view *bank)
+void contact_push(struct contact_set *s, const struct bank_contact *b)
 {
     uint32_t m = contact_all(s), guess = 0;
     float depth[CONTACT_MAX], p[CONTACT_MAX];
@@ -343,15 +350,15 @@ void contact_push(struct contact_set *s, const struct bank_view *bank)
         depth[c] = s->contact[c].depth_m;
         guess |= (s->active >> s->contact[c].point & 1u) << c;
     }
-    assemble_system(s, 1.0f / bank->contact->coupling_stiffness_N_m);
+    assemble_system(s, 1.0f / b->coupling_stiffness_N_m);
     bool cut = false;
-    uint32_t steps = bank->contact->solver_steps ? bank->contact->solver_steps : CONTACT_MAX_FACTORS;
+    uint32_t steps = b->solver_steps ? b->solver_steps : CONTACT_MAX_FACTORS;
     s->factors = m ? contact_solve((const float(*)[CONTACT_MAX])s->system, depth, m, steps, &guess, p, &cut) : 0;
     s->cut += cut;
     s->active = 0;
     for (uint32_t c = 0; c < m; c++) /* bound: CONTACT_MAX */
         s->active |= (guess >> c & 1u) << s->contact[c].point;
-    evaluate(s, bank, p);
+    evaluate(s, b, p);
 }
 
 /* The three corners of a triangle that is not in use yet. */

@@ -56,6 +56,7 @@ struct contact {
     float depth_m;    /* of the device's point below the anchor */
     float pad_m_N;    /* epsilon_c */
     float pressure_N; /* p_c >= 0 */
+    float force_N[3]; /* of the tissue on the tool: p n, or more with an effect */
     float pull[CONTACT_TOOLS][3];
     /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
     float displacement_m[3];
@@ -117,8 +118,11 @@ void contact_admit(struct contact_set *s, struct row_cache *g, const struct bank
 /* their response to each other; */
 void contact_assemble(struct contact_set *s, const struct row_cache *g, const struct bank_view *bank);
 
-/* and their forces: solve, evaluate. */
-void contact_push(struct contact_set *s, const struct bank_view *bank);
+/* and their forces: solve, evaluate. `b`: the bank's, or what an effect makes of it. */
+void contact_push(struct contact_set *s, const struct bank_contact *b);
+
+/* How far the tissue goes at each contact under the forces of all: the tool pushes it against the outward normal. */
+void contact_displace(struct contact_set *s, const struct bank_contact *b);
 
 /* A new contact of this point: nothing but whose it is. */
 static inline void contact_begin(struct contact *c, const struct collide *points, uint32_t point)
@@ -148,13 +152,12 @@ static inline void contact_update(struct contact_set *s, struct row_cache *g, co
     contact_gather(s, points);
     contact_admit(s, g, bank);
     contact_assemble(s, g, bank);
-    contact_push(s, bank);
+    contact_push(s, bank->contact);
 }
 
 /* epsilon_c of a contact whose own compliance is this, m/N. */
-static inline float contact_pad(const struct bank_view *bank, float own_m_N)
+static inline float contact_pad(const struct bank_contact *b, float own_m_N)
 {
-    const struct bank_contact *b = bank->contact;
     float typical = b->typical_compliance_m_N;
     return own_m_N > typical ? b->regularisation_m_N * (own_m_N / typical) : b->regularisation_m_N;
 }

@@ -74,7 +74,7 @@ static void touch(struct controller *c, const struct bank_view *bank)
     contact_assemble(&c->contact, &c->rows, bank);
     effects_respond(c, bank);
     if (!effects_push(c, bank))
-        contact_push(&c->contact, bank);
+        contact_push(&c->contact, bank->contact);
     effects_correct(c, bank);
     effects_follow(c, bank);
     for (uint32_t t = 0; t < TICK_INSTRUMENTS; t++) { /* bound: TICK_INSTRUMENTS */

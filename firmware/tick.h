@@ -55,7 +55,8 @@ struct controller {
     struct collide collide;     /* per tool point: last position, contact anchor */
     struct row_cache rows;      /* rows of the bank that are in use, in the memory given at start */
     struct contact_set contact; /* system, active set, forces of this tick */
-/* and what the effects of this image remember: */
+                                /* and what the effects of this image remember: */
+    IF_CONE(struct cone cone;)  /* friction and grasping */
 #define EFFECT(bit, NAME, name, tag, parts, what) IF_##NAME(struct name name;)
 #include "effects.def"
 #undef EFFECT

@@ -19,15 +19,25 @@ void cone_frame(struct cone_contact *c, const float normal[3])
     real_cross(n, t, c->frame[2]);
 }
 
-void cone_begin(struct cone_system *s, const struct contact_set *set, const struct bank_view *bank)
+void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_contact *b)
 {
+    struct cone_system *s = &k->system;
     s->count = set->count;
-    s->softness_m_N = 1.0f / bank->contact->coupling_stiffness_N_m;
+    s->softness_m_N = 1.0f / b->coupling_stiffness_N_m;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        const struct contact *at = &set->contact[c];
+        const struct cone_point *last = &k->point[at->point];
         const float *own = set->block[contact_pair(c, c)];
-        s->contact[c].tool = contact_tool(&set->contact[c]);
-        s->contact[c].pad_m_N = contact_pad(bank, (own[0] + own[4] + own[8]) / 3.0f);
-        cone_frame(&s->contact[c], set->contact[c].normal);
+        struct cone_contact *to = &s->contact[c];
+        to->tool = contact_tool(at);
+        to->pad_m_N = contact_pad(b, (own[0] + own[4] + own[8]) / 3.0f);
+        to->mu = 0.0f;
+        to->slip_m_N = last->slip_m_N;
+        cone_frame(to, at->normal);
+        for (int a = 0; a < 3; a++) { /* bound: 3 */
+            to->wanted_m[a] = at->depth_m * at->normal[a];
+            to->force_N[a] = last->force_N[a];
+        }
     }
 }
 
@@ -120,10 +130,14 @@ static void solve_one(struct cone_contact *c, const float q[3], float f[3])
     slide(c, q, f);
 }
 
-/* The tissue's displacement at contact c under the forces of all others, taken from x; open ones have no force. */
-static void take_others(const struct cone_system *s, const float (*block)[9], uint32_t c, float out[3])
+/* What the others leave of a contact's displacement; open ones have no force. */
+static void remainder_of(const struct cone_system *s, const float (*block)[9], uint32_t c, float out[3])
 {
-    float x = out[0], y = out[1], z = out[2];
+    const struct cone_contact *k = &s->contact[c];
+    const float *all = s->tool_N[k->tool];
+    const float give = s->softness_m_N;
+    float x = k->wanted_m[0] - give * (all[0] - k->force_N[0]), y = k->wanted_m[1] - give * (all[1] - k->force_N[1]);
+    float z = k->wanted_m[2] - give * (all[2] - k->force_N[2]);
     const float *B = block[contact_pair(c, 0)];
     for (uint32_t d = 0; d < c; d++, B += 9) { /* bound: CONTACT_MAX */
         if (s->contact[d].state == CONE_OPEN)
@@ -145,26 +159,6 @@ static void take_others(const struct cone_system *s, const float (*block)[9], ui
     out[0] = x;
     out[1] = y;
     out[2] = z;
-}
-
-/* What the others leave of a contact's displacement. */
-static void remainder_of(const struct cone_system *s, const float (*block)[9], uint32_t c, float out[3])
-{
-    const struct cone_contact *k = &s->contact[c];
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        out[a] = k->wanted_m[a] - s->softness_m_N * (s->tool_N[k->tool][a] - k->force_N[a]);
-    take_others(s, block, c, out);
-}
-
-void cone_response(const struct cone_system *s, const float (*block)[9], uint32_t c, float out_m[3])
-{
-    const struct cone_contact *k = &s->contact[c];
-    const float *B = block[contact_pair(c, c)];
-    float others[3] = {0.0f, 0.0f, 0.0f};
-    take_others(s, block, c, others);
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        out_m[a] = s->softness_m_N * s->tool_N[k->tool][a] + k->pad_m_N * k->force_N[a] +
-                   real_dot(&B[3 * a], k->force_N) - others[a];
 }
 
 /* Anew in every sweep, so that rounding does not add up. */
@@ -210,14 +204,37 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
     return rest;
 }
 
-void cone_finish(const struct cone_system *s, struct contact_set *set)
+void cone_push(struct cone *k, struct contact_set *set, const struct bank_contact *b, uint32_t sweeps)
 {
+    struct cone_system *s = &k->system;
+    uint32_t seen = 0;
+    set->cut += !cone_solve(s, (const float(*)[9])set->block, sweeps);
+    set->active = 0;
     for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
         for (int a = 0; a < 3; a++) {            /* bound: 3 */
             set->force_N[t][a] = s->tool_N[t][a];
             set->proxy_offset_m[t][a] = s->softness_m_N * s->tool_N[t][a];
         }
-    set->active = 0;
-    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
-        set->active |= (uint32_t)(s->contact[c].state != CONE_OPEN) << set->contact[c].point;
+    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+        const struct cone_contact *from = &s->contact[c];
+        struct contact *at = &set->contact[c];
+        struct cone_point *point = &k->point[at->point];
+        seen |= 1u << at->point;
+        set->active |= (uint32_t)(from->state != CONE_OPEN) << at->point;
+        point->slip_m_N = from->slip_m_N;
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            at->force_N[a] = point->force_N[a] = from->force_N[a];
+        float held = from->mu < 0.0f ? real_sqrt(real_dot(at->force_N, at->force_N)) : 0.0f;
+        at->pressure_N = from->mu < 0.0f ? held : real_dot(at->force_N, at->normal);
+    }
+    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
+        if (!(seen >> i & 1u))
+            k->point[i] = (struct cone_point){.slip_m_N = 0.0f};
+    contact_displace(set, b);
+}
+
+void cone_forget(struct cone *k, const struct collide_range *points)
+{
+    for (uint32_t i = 0; i < points->count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        k->point[points->first + i] = (struct cone_point){.slip_m_N = 0.0f};
 }

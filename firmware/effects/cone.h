@@ -51,21 +51,30 @@ struct cone_system {
     uint32_t sweeps; /* of this tick */
 };
 
-/* The contacts of `set`, in its order, whose blocks are assembled: tool, epsilon_c, frame; f = `force_N` is the caller's to set. */
-void cone_begin(struct cone_system *s, const struct contact_set *set, const struct bank_view *bank);
+/* What a controller keeps of it. */
+struct cone {
+    struct cone_system system; /* contacts in the order of the contact set */
+    struct cone_point {
+        float force_N[3]; /* of the last tick: where the solver starts */
+        float slip_m_N;
+    } point[CONTACT_MAX];
+};
+
+/* The contacts of `set`, in its order, whose blocks are assembled, as they are without an effect: without friction, d = depth n. What
+ * an effect asks else it then writes into mu and wanted_m. `b` as for contact_push. */
+void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_contact *b);
+
+/* Solve, and what the forces are to the set: of each contact, force and proxy of each tool, which points push. */
+void cone_push(struct cone *k, struct contact_set *set, const struct bank_contact *b, uint32_t sweeps);
+
+void cone_forget(struct cone *k, const struct collide_range *points);
 
 /* The frame of a contact with this outward unit normal. */
 void cone_frame(struct cone_contact *c, const float normal[3]);
 
-/* What the forces ask of the tissue and the coupling at contact c, sum of A_cd f_d, m. `block`: B of contact.h. */
-void cone_response(const struct cone_system *s, const float (*block)[9], uint32_t c, float out_m[3]);
-
-/* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. After cone_begin, mu, wanted_m, force_N,
- * slip_m_N of every contact are set (forces need not be in their cones). Returns whether it came to rest. */
+/* Sweep until no force moves by more than CONE_TOLERANCE of the largest, or `sweeps` times. `block`: B of contact.h. The members above
+ * `state`, and slip_m_N, are set for every contact (forces need not be in their cones). Returns whether it came to rest. */
 #define CONE_TOLERANCE 1e-4f
 bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps);
-
-/* What the solved forces are to the set: force and proxy of each tool, which points push. */
-void cone_finish(const struct cone_system *s, struct contact_set *set);
 
 #endif

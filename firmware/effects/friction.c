@@ -98,68 +98,46 @@ void friction_place(struct friction *f, const struct bank_view *bank, struct con
     }
 }
 
-void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set)
+void friction_ask(const struct friction *f, const struct bank_view *bank, const struct contact_set *set,
+                  struct cone_system *s)
 {
-    struct cone_system *s = &f->system;
-    cone_begin(s, set, bank);
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
-        const struct contact *contact = &set->contact[c];
-        const struct friction_point *h = &f->point[contact->point];
-        struct cone_contact *k = &s->contact[c];
-        k->mu = bank->friction->mu;
-        k->slip_m_N = h->slip_m_N;
-        for (int a = 0; a < 3; a++) { /* bound: 3 */
-            k->wanted_m[a] = contact->depth_m * contact->normal[a] + h->stretch_m[a];
-            k->force_N[a] = h->force_N[a];
-        }
-    }
-    f->cut += !cone_solve(s, (const float(*)[9])set->block, bank->friction->sweeps);
-    cone_finish(s, set);
-    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
-        struct contact *contact = &set->contact[c];
-        const struct cone_contact *k = &s->contact[c];
-        contact->pressure_N = real_dot(k->force_N, contact->normal);
-        /* The tissue follows the tool but for the slip, and the tool is the proxy. */
-        float slip = k->state == CONE_SLIDE ? k->slip_m_N : 0.0f;
-        for (int a = 0; a < 3; a++) { /* bound: 3 */
-            float across = k->force_N[a] - contact->pressure_N * contact->normal[a];
-            contact->displacement_m[a] = set->proxy_offset_m[k->tool][a] - k->wanted_m[a] + slip * across;
-        }
+        const struct friction_point *h = &f->point[set->contact[c].point];
+        s->contact[c].mu = bank->friction->mu;
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            s->contact[c].wanted_m[a] += h->stretch_m[a];
     }
 }
 
 /* What a slide of this tick changes: the stretch is shortened to what friction holds, and the anchor draws nearer to where
  * the contact would be without friction by as much as the point slid. */
-static void slip(struct friction_point *h, const struct cone_contact *k, const float normal[3])
+static void slip(struct friction_point *h, const float force_N[3], const float normal[3], float slip_m_N)
 {
-    float across[3] = {k->force_N[0], k->force_N[1], k->force_N[2]};
+    float across[3] = {force_N[0], force_N[1], force_N[2]};
     flatten(across, normal);
     for (int a = 0; a < 3; a++) /* bound: 3 */
-        h->stretch_m[a] -= k->slip_m_N * across[a];
+        h->stretch_m[a] -= slip_m_N * across[a];
     float trail = real_sqrt(real_dot(h->trail_m, h->trail_m));
-    float slid = k->slip_m_N * real_sqrt(real_dot(across, across)), keep = slid < trail ? 1.0f - slid / trail : 0.0f;
+    float slid = slip_m_N * real_sqrt(real_dot(across, across)), keep = slid < trail ? 1.0f - slid / trail : 0.0f;
     for (int a = 0; a < 3; a++) /* bound: 3 */
         h->trail_m[a] *= keep;
 }
 
-void friction_follow(struct friction *f, const struct contact_set *set)
+void friction_follow(struct friction *f, const struct contact_set *set, const struct cone_system *s, float stiffening)
 {
     uint32_t seen = 0;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *contact = &set->contact[c];
-        const struct cone_contact *k = &f->system.contact[c];
+        const struct cone_contact *k = &s->contact[c];
         struct friction_point *h = &f->point[contact->point];
         seen |= 1u << contact->point;
-        h->holds = k->state != CONE_OPEN;
+        h->holds = k->state != CONE_OPEN && !(k->mu < 0.0f); /* what jaws hold is theirs */
         h->slides = k->state == CONE_SLIDE;
         h->triangle = contact->triangle;
-        h->slip_m_N = k->slip_m_N;
-        for (int a = 0; a < 3; a++) { /* bound: 3 */
+        for (int a = 0; a < 3; a++) /* bound: 3 */
             h->weights[a] = contact->weights[a];
-            h->force_N[a] = k->force_N[a];
-        }
         if (h->slides)
-            slip(h, k, contact->normal);
+            slip(h, k->force_N, contact->normal, k->slip_m_N / stiffening);
     }
     for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
         if (!(seen >> i & 1u))

@@ -31,23 +31,20 @@ struct friction_point {
     float point_m[3];   /* where the tool's point was */
     float stretch_m[3]; /* across the normal */
     float trail_m[3];   /* across the normal: anchor minus that without friction */
-    float force_N[3];   /* of the last tick: where the solver starts */
-    float slip_m_N;
 };
 
 struct friction {
     struct friction_point point[CONTACT_MAX]; /* per point of the tool */
-    struct cone_system system;                /* contacts in the order of the contact set */
-    uint32_t cut;                             /* counter: ticks in which the solver stopped at its bound */
 };
 
 int friction_open(struct bank_view *view);
 
-/* The stages of hooks.h. */
+/* The stages of hooks.h. `s`: what the solver is asked, and what it found; `stiffening`: of visco-elastic tissue, else 1. */
 void friction_place(struct friction *f, const struct bank_view *bank, struct contact_set *set,
                     const struct collide *points);
-void friction_push(struct friction *f, const struct bank_view *bank, struct contact_set *set);
-void friction_follow(struct friction *f, const struct contact_set *set);
+void friction_ask(const struct friction *f, const struct bank_view *bank, const struct contact_set *set,
+                  struct cone_system *s);
+void friction_follow(struct friction *f, const struct contact_set *set, const struct cone_system *s, float stiffening);
 void friction_forget(struct friction *f, const struct collide_range *points);
 
 #endif

@@ -51,40 +51,34 @@ void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_s
     }
 }
 
-static void ask(struct grasp *g, struct contact_set *set, const struct collide *points)
+void grasp_ask(const struct grasp *g, const struct contact_set *set, const struct collide *points,
+               struct cone_system *s)
 {
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
-        const struct contact *at = &set->contact[c];
-        const struct grasp_point *h = &g->point[at->point];
-        struct cone_contact *k = &g->system.contact[c];
-        k->mu = h->held ? CONE_HELD : 0.0f;
-        k->slip_m_N = 0.0f;
-        for (int a = 0; a < 3; a++) { /* bound: 3 */
-            k->force_N[a] = h->force_N[a];
-            k->wanted_m[a] =
-                h->held ? h->from_m[a] - points->point[at->point].position_m[a] : at->depth_m * at->normal[a];
-        }
+        uint32_t i = set->contact[c].point;
+        if (!g->point[i].held)
+            continue;
+        s->contact[c].mu = CONE_HELD;
+        real_subtract(g->point[i].from_m, points->point[i].position_m, s->contact[c].wanted_m);
     }
 }
 
-/* What the tick leaves with a point: its force, a hold that begins, a hold that slips. */
-static void remember(struct grasp *g, const struct bank_grasp *b, const struct contact *at,
-                     const struct cone_contact *k, const float response_m[3], const float point_m[3])
+/* What the tick leaves with a point: a hold that begins, a hold that slips. `rest_m`: where its force would be none. */
+static void remember(struct grasp *g, const struct bank_grasp *b, const struct contact *at, bool pushes,
+                     const float rest_m[3], const float point_m[3])
 {
     struct grasp_point *h = &g->point[at->point];
-    for (int a = 0; a < 3; a++) /* bound: 3 */
-        h->force_N[a] = k->force_N[a];
-    if (g->jaws[k->tool].closing && k->state != CONE_OPEN) {
+    if (g->jaws[contact_tool(at)].closing && pushes) {
         h->held = true;
         h->triangle = at->triangle;
         g->taken++;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
             h->weights[a] = at->weights[a];
             h->normal[a] = at->normal[a];
-            h->from_m[a] = point_m[a] + response_m[a];
+            h->from_m[a] = rest_m[a];
         }
     }
-    float force2 = real_dot(k->force_N, k->force_N);
+    float force2 = real_dot(at->force_N, at->force_N);
     if (h->held && force2 > b->slip_N * b->slip_N) {
         float keep = b->slip_N / real_sqrt(force2);
         g->slips++;
@@ -93,40 +87,25 @@ static void remember(struct grasp *g, const struct bank_grasp *b, const struct c
     }
 }
 
-void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points)
+void grasp_follow(struct grasp *g, const struct bank_view *bank, const struct contact_set *set,
+                  const struct cone_system *s, const struct collide *points, float stiffening)
 {
-    struct cone_system *s = &g->system;
-    const float(*block)[9] = (const float(*)[9])set->block;
-    cone_begin(s, set, bank);
-    ask(g, set, points);
-    g->cut += !cone_solve(s, block, bank->grasp->sweeps);
-    cone_finish(s, set);
-    uint32_t seen = 0;
-    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
-        struct contact *at = &set->contact[c];
-        const struct cone_contact *k = &s->contact[c];
-        float response_m[3];
-        cone_response(s, block, c, response_m);
-        at->pressure_N = k->state == CONE_OPEN ? 0.0f : real_sqrt(real_dot(k->force_N, k->force_N));
-        seen |= 1u << at->point;
+    for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        const struct contact *at = &set->contact[c];
+        const float pad = s->contact[c].pad_m_N / stiffening - bank->contact->regularisation_m_N;
+        const float *point_m = points->point[at->point].position_m;
+        const float *proxy_m = set->proxy_offset_m[contact_tool(at)];
+        float rest_m[3];
         for (int a = 0; a < 3; a++) /* bound: 3 */
-            at->displacement_m[a] = set->proxy_offset_m[k->tool][a] - response_m[a];
-        remember(g, bank->grasp, at, k, response_m, points->point[at->point].position_m);
+            rest_m[a] = point_m[a] + proxy_m[a] - at->displacement_m[a] + pad * at->force_N[a];
+        remember(g, bank->grasp, at, s->contact[c].state != CONE_OPEN, rest_m, point_m);
     }
-    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
-        if (!(seen >> i & 1u))
-            for (int a = 0; a < 3; a++) /* bound: 3 */
-                g->point[i].force_N[a] = 0.0f;
 }
 
 void grasp_forget(struct grasp *g, const struct collide *points, uint32_t tool)
 {
     const struct collide_range *range = &points->tool[tool];
     g->jaws[tool].closed = false;
-    for (uint32_t i = 0; i < range->count; i++) { /* bound: BANK_MAX_TOOL_POINTS */
-        struct grasp_point *p = &g->point[range->first + i];
-        p->held = false;
-        for (int a = 0; a < 3; a++) /* bound: 3 */
-            p->force_N[a] = 0.0f;
-    }
+    for (uint32_t i = 0; i < range->count; i++) /* bound: BANK_MAX_TOOL_POINTS */
+        g->point[range->first + i].held = false;
 }

@@ -20,7 +20,6 @@ struct grasp_point {
     uint32_t triangle; /* place, kept while it is held */
     float weights[3], normal[3];
     float from_m[3];
-    float force_N[3]; /* of the last tick: where the solver starts */
 };
 
 struct grasp_jaws {
@@ -31,16 +30,17 @@ struct grasp_jaws {
 struct grasp {
     struct grasp_jaws jaws[CONTACT_TOOLS];
     struct grasp_point point[CONTACT_MAX];
-    struct cone_system system;
-    uint32_t taken, slips,
-        cut; /* counters: points taken hold of; ticks of a point that slipped; solver stopped at its bound */
+    uint32_t taken, slips; /* counters: points taken hold of; ticks of a point that slipped */
 };
 
 int grasp_open(struct bank_view *view);
 
-/* The stages of hooks.h. */
+/* The stages of hooks.h. `s`: what the solver is asked, and what it found; `stiffening`: of visco-elastic tissue, else 1. */
 void grasp_place(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points);
-void grasp_push(struct grasp *g, const struct bank_view *bank, struct contact_set *set, const struct collide *points);
+void grasp_ask(const struct grasp *g, const struct contact_set *set, const struct collide *points,
+               struct cone_system *s);
+void grasp_follow(struct grasp *g, const struct bank_view *bank, const struct contact_set *set,
+                  const struct cone_system *s, const struct collide *points, float stiffening);
 void grasp_forget(struct grasp *g, const struct collide *points, uint32_t tool);
 
 #endif

@@ -64,23 +64,54 @@ static inline void effects_respond(struct controller *c, const struct bank_view 
     })
 }
 
-/* In place of contact_push: forces that are more than a push along the normal. True when they are done. */
+/* How much stiffer tissue is in this tick than at rest: 1, unless it is visco-elastic. */
+static inline float effects_stiffening(const struct controller *c, const struct bank_view *bank)
+{
+    float stiffening = 1.0f;
+    (void)c, (void)bank;
+    IF_VISCOELASTIC(stiffening = bank->viscoelastic ? c->viscoelastic.step.total : 1.0f;)
+    return stiffening;
+}
+
+/* Forces of three components per contact (cone.h): what friction and jaws ask, of tissue that may remember. False when neither is
+ * named. */
+static inline bool effects_push_cone(struct controller *c, const struct bank_view *bank,
+                                     const struct bank_contact *contact)
+{
+    uint32_t sweeps = 0;
+    (void)c, (void)bank, (void)contact;
+    IF_FRICTION(if (bank->friction) sweeps = bank->friction->sweeps;)
+    IF_GRASP(if (bank->grasp && bank->grasp->sweeps > sweeps) sweeps = bank->grasp->sweeps;)
+    if (sweeps == 0)
+        return false;
+    IF_CONE(cone_ask(&c->cone, &c->contact, contact);)
+    IF_FRICTION(if (bank->friction) friction_ask(&c->friction, bank, &c->contact, &c->cone.system);)
+    IF_GRASP(if (bank->grasp) grasp_ask(&c->grasp, &c->contact, &c->collide, &c->cone.system);)
+    IF_CONE(
+        IF_VISCOELASTIC(for (uint32_t i = 0; i < c->contact.count && bank->viscoelastic; i++) /* bound: CONTACT_MAX */
+                        viscoelastic_want(&c->viscoelastic, i, c->cone.system.contact[i].wanted_m);))
+    IF_CONE(cone_push(&c->cone, &c->contact, contact, sweeps);)
+    return true;
+}
+
+/* In place of contact_push: forces that are more than an elastic push along the normal. True when they are done. */
 static inline bool effects_push(struct controller *c, const struct bank_view *bank)
 {
-    (void)c, (void)bank;
-    IF_FRICTION(if (bank->friction) {
-        friction_push(&c->friction, bank, &c->contact);
-        return true;
-    })
-    IF_GRASP(if (bank->grasp) {
-        grasp_push(&c->grasp, bank, &c->contact, &c->collide);
-        return true;
-    })
+    const struct bank_contact *contact = bank->contact;
     IF_VISCOELASTIC(if (bank->viscoelastic) {
-        viscoelastic_push(&c->viscoelastic, bank, &c->contact, &c->collide, c->tick_count);
-        return true;
+        viscoelastic_ask(&c->viscoelastic, bank, &c->contact, &c->collide, c->tick_count);
+        contact = &c->viscoelastic.contact;
     })
-    return false;
+    bool done = effects_push_cone(c, bank, contact);
+    IF_VISCOELASTIC(if (bank->viscoelastic) {
+        if (!done) {
+            viscoelastic_deepen(&c->viscoelastic, &c->contact);
+            contact_push(&c->contact, contact);
+        }
+        viscoelastic_follow(&c->viscoelastic, bank, &c->contact);
+        done = true;
+    })
+    return done;
 }
 
 /* After the push: what else than linear elasticity decides the forces. */
@@ -95,7 +126,10 @@ static inline void effects_correct(struct controller *c, const struct bank_view 
 static inline void effects_follow(struct controller *c, const struct bank_view *bank)
 {
     (void)c, (void)bank;
-    IF_FRICTION(if (bank->friction) friction_follow(&c->friction, &c->contact);)
+    IF_FRICTION(if (bank->friction)
+                    friction_follow(&c->friction, &c->contact, &c->cone.system, effects_stiffening(c, bank));)
+    IF_GRASP(if (bank->grasp)
+                 grasp_follow(&c->grasp, bank, &c->contact, &c->cone.system, &c->collide, effects_stiffening(c, bank));)
     IF_SHAPE(if (bank->shape) shape_expect(&c->shape, bank, &c->rows, &c->collide);)
     IF_SWING(if (bank->swing) swing_follow(&c->swing, bank, &c->contact);)
     IF_RIGID(if (bank->rigid) {
@@ -110,6 +144,7 @@ static inline void effects_follow(struct controller *c, const struct bank_view *
 static inline void effects_forget(struct controller *c, uint32_t tool)
 {
     (void)c, (void)tool;
+    IF_CONE(cone_forget(&c->cone, &c->collide.tool[tool]);)
     IF_FRICTION(friction_forget(&c->friction, &c->collide.tool[tool]);)
     IF_GRASP(grasp_forget(&c->grasp, &c->collide, tool);)
     IF_SHAPE(shape_forget(&c->shape, tool, c->collide.tool[tool].first, c->collide.tool[tool].count);)

@@ -63,6 +63,13 @@
 #define IF_VISCOELASTIC(...)
 #endif
 
+/* The solver that friction and grasping share. */
+#if IF_FRICTION(1) IF_GRASP(+1) + 0
+#define IF_CONE(...) __VA_ARGS__
+#else
+#define IF_CONE(...)
+#endif
+
 /* The bit of each effect, and those of this image. */
 enum {
 #define EFFECT(bit, NAME, name, tag, parts, what) EFFECT_##NAME = 1 << (bit),

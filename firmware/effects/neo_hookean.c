@@ -149,11 +149,9 @@ static void correct_tool(struct neo_hookean *n, const struct bank_view *bank, co
 static void push_again(const struct bank_view *bank, struct contact_set *set)
 {
     struct bank_contact left = *bank->contact;
-    struct bank_view as_if = *bank;
     const uint32_t factors = set->factors, most = left.solver_steps ? left.solver_steps : CONTACT_MAX_FACTORS;
     left.solver_steps = (uint16_t)(most > factors ? most - factors : 1);
-    as_if.contact = &left;
-    contact_push(set, &as_if);
+    contact_push(set, &left);
     set->factors += factors;
 }
 

@@ -10,7 +10,7 @@ int viscoelastic_open(struct bank_view *view)
 {
     const struct bank_section *section = bank_view_section(view, BANK_VISC);
     const struct bank_viscoelastic *b = (const void *)((const char *)view->header + section->offset);
-    if (view->header->effects & (EFFECT_FRICTION | EFFECT_SWING)) /* their contacts know nothing of memory */
+    if (view->header->effects & EFFECT_SWING) /* its contacts know nothing of memory */
         return STATUS_BANK_SECTION;
     if (section->count < 1 || section->count > BANK_MAX_BRANCHES ||
         section->length != sizeof *b + section->count * sizeof b->branch[0])
@@ -28,15 +28,9 @@ int viscoelastic_open(struct bank_view *view)
     return good && total <= BANK_MAX_GAIN ? STATUS_OK : STATUS_BANK_NONFINITE;
 }
 
-/* a_b, c_b for a step of `ticks`, and C. */
-struct step {
-    uint32_t branches;
-    float decay[BANK_MAX_BRANCHES], gain[BANK_MAX_BRANCHES], total;
-};
-
-static struct step step_of(const struct bank_viscoelastic *b, uint32_t ticks)
+static struct viscoelastic_step step_of(const struct bank_viscoelastic *b, uint32_t ticks)
 {
-    struct step s = {.branches = b->branches, .total = 1.0f};
+    struct viscoelastic_step s = {.branches = b->branches, .total = 1.0f};
     for (uint32_t k = 0; k < b->branches; k++) { /* bound: BANK_MAX_BRANCHES */
         float decay = b->branch[k].decay, sum = 1.0f, power = decay;
         for (uint32_t t = 1; t < ticks; t++) { /* bound: SAFETY_STALE_TICKS; sum = 1 + a + a^2 ... */
@@ -51,7 +45,7 @@ static struct step step_of(const struct bank_viscoelastic *b, uint32_t ticks)
 }
 
 /* m = sum a_b h_b - sum c_b u */
-static void memory_of(const struct viscoelastic_point *p, const struct step *s, float m[3])
+static void memory_of(const struct viscoelastic_point *p, const struct viscoelastic_step *s, float m[3])
 {
     for (int a = 0; a < 3; a++) { /* bound: 3 */
         m[a] = (1.0f - s->total) * p->moved_m[a];
@@ -66,7 +60,7 @@ static float settled(float x)
 }
 
 /* The tissue is now at u. */
-static void advance(struct viscoelastic_point *p, const struct step *s, const float moved_m[3])
+static void advance(struct viscoelastic_point *p, const struct viscoelastic_step *s, const float moved_m[3])
 {
     bool rests = true;
     for (int a = 0; a < 3; a++) { /* bound: 3 */
@@ -94,17 +88,18 @@ struct shares {
     float moved, memory[BANK_MAX_BRANCHES];
 };
 
-static struct shares shares_of(const struct viscoelastic *v, const struct contact_set *set, const struct step *s)
+static struct shares shares_of(const struct viscoelastic *v, const struct contact_set *set,
+                               const struct viscoelastic_step *s)
 {
     struct shares share = {.moved = 0.0f};
     float work = 0.0f;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *at = &set->contact[c];
         const struct viscoelastic_point *p = &v->point[at->point];
-        float moved = -at->pressure_N * real_dot(at->normal, p->moved_m), all = moved;
+        float moved = -real_dot(at->force_N, p->moved_m), all = moved;
         share.moved += moved;
         for (uint32_t b = 0; b < s->branches; b++) { /* bound: BANK_MAX_BRANCHES */
-            float memory = -at->pressure_N * real_dot(at->normal, p->memory_m[b]);
+            float memory = -real_dot(at->force_N, p->memory_m[b]);
             share.memory[b] += memory;
             all += memory;
         }
@@ -125,76 +120,98 @@ static float sum_of(const struct contact_set *set)
     return sum;
 }
 
-void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set,
-                       const struct collide *points, uint32_t tick)
+void viscoelastic_ask(struct viscoelastic *v, const struct bank_view *bank, const struct contact_set *set,
+                      const struct collide *points, uint32_t tick)
 {
     uint32_t ticks = v->started ? tick - v->tick : 1;
     if (ticks < 1 || ticks > SAFETY_STALE_TICKS)
         ticks = 1;
-    const struct step s = step_of(bank->viscoelastic, ticks);
-    const float whole = 1.0f / s.total;
-    float memory[CONTACT_MAX][3], depth_m[CONTACT_MAX];
-    uint32_t fresh = 0, seen = 0; /* contacts that come upon tissue of which nothing is known; points in the set */
+    v->step = step_of(bank->viscoelastic, ticks);
+    v->fresh = 0;
     v->started = true;
     v->tick = tick;
-    v->stiffening = s.total;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
-        struct contact *at = &set->contact[c];
+        const struct contact *at = &set->contact[c];
         struct viscoelastic_point *p = &v->point[at->point];
         const float *anchor_m = points->point[at->point].anchor_m;
         if (!p->in_set && (!p->remembers || strayed(p, anchor_m, bank->viscoelastic->reach_m))) {
             *p = (struct viscoelastic_point){.remembers = false};
-            fresh |= 1u << c;
+            v->fresh |= 1u << c;
         }
         for (int a = 0; a < 3; a++) /* bound: 3 */
             p->anchor_m[a] = anchor_m[a];
-        seen |= 1u << at->point;
-        memory_of(p, &s, memory[c]);
-        depth_m[c] = at->depth_m;
-        at->depth_m = s.total * at->depth_m - real_dot(at->normal, memory[c]);
-        at->pad_m_N *= s.total;
+        memory_of(p, &v->step, v->memory_m[c]);
+        v->depth_m[c] = at->depth_m;
     }
+    v->contact = *bank->contact;
+    v->contact.coupling_stiffness_N_m /= v->step.total;
+    v->contact.regularisation_m_N *= v->step.total;
+}
 
-    struct bank_contact stiff = *bank->contact;
-    struct bank_view as_if = *bank;
-    stiff.coupling_stiffness_N_m *= whole;
-    stiff.regularisation_m_N *= s.total;
-    as_if.contact = &stiff;
-    contact_push(set, &as_if);
+void viscoelastic_deepen(const struct viscoelastic *v, struct contact_set *set)
+{
+    for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        struct contact *at = &set->contact[c];
+        at->depth_m = v->step.total * at->depth_m - real_dot(at->normal, v->memory_m[c]);
+        at->pad_m_N *= v->step.total;
+    }
+}
 
-    for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+void viscoelastic_want(const struct viscoelastic *v, uint32_t c, float wanted_m[3])
+{
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        wanted_m[a] = v->step.total * wanted_m[a] - v->memory_m[c][a];
+}
+
+/* The displaced tissue of a point that pushes nothing goes back by itself, or where the others push it. */
+static void relax(struct viscoelastic_point *p, const struct viscoelastic_step *s, float sum_N)
+{
+    float m[3];
+    memory_of(p, s, m);
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        m[a] = (p->others_m_N[a] * sum_N - m[a]) / s->total;
+    advance(p, s, m);
+}
+
+void viscoelastic_follow(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set)
+{
+    const struct viscoelastic_step *s = &v->step;
+    const float whole = 1.0f / s->total, epsilon = bank->contact->regularisation_m_N;
+    float elastic[CONTACT_MAX][3]; /* w */
+    uint32_t fresh = v->fresh, seen = 0;
+    for (uint32_t i = 0; i < CONTACT_TOOLS; i++) /* bound: CONTACT_TOOLS */
         for (int a = 0; a < 3; a++)              /* bound: 3 */
-            set->proxy_offset_m[t][a] *= whole;
-    float elastic[CONTACT_MAX][3];              /* w */
+            set->proxy_offset_m[i][a] *= whole;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
         float moved[3];
-        at->depth_m = depth_m[c];
+        at->depth_m = v->depth_m[c];
+        seen |= 1u << at->point;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
-            float pad = bank->contact->regularisation_m_N * at->pressure_N * at->normal[a];
-            elastic[c][a] = at->displacement_m[a] + s.total * pad;
-            at->displacement_m[a] = whole * (at->displacement_m[a] - memory[c][a]);
+            float pad = epsilon * at->force_N[a];
+            elastic[c][a] = at->displacement_m[a] + s->total * pad;
+            at->displacement_m[a] = whole * (at->displacement_m[a] - v->memory_m[c][a]);
             moved[a] = at->displacement_m[a] + pad;
         }
         if (!(fresh >> c & 1u) || at->pressure_N > 0.0f) {
-            advance(&v->point[at->point], &s, moved);
+            advance(&v->point[at->point], s, moved);
             fresh &= ~(1u << c);
         }
     }
-    const struct shares share = shares_of(v, set, &s);
+    const struct shares share = shares_of(v, set, s);
     const float sum_N = sum_of(set);
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
         struct viscoelastic_point *p = &v->point[at->point];
         for (int a = 0; a < 3 && (fresh >> c & 1u); a++) { /* bound: 3 */
             p->moved_m[a] = at->displacement_m[a] = share.moved * elastic[c][a];
-            for (uint32_t b = 0; b < s.branches; b++) /* bound: BANK_MAX_BRANCHES */
+            for (uint32_t b = 0; b < s->branches; b++) /* bound: BANK_MAX_BRANCHES */
                 p->memory_m[b][a] = share.memory[b] * elastic[c][a];
         }
         float others_N = sum_N - at->pressure_N, own[3];
-        contact_multiply(set, c, c, at->normal, own);
+        contact_multiply(set, c, c, at->force_N, own);
         for (int a = 0; a < 3; a++) { /* bound: 3 */
-            float others_m = elastic[c][a] + own[a] * at->pressure_N;
+            float others_m = elastic[c][a] + own[a];
             p->others_m_N[a] = others_N > 0.0f ? others_m / others_N : 0.0f;
         }
         p->remembers = true;
@@ -202,13 +219,8 @@ void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, str
     for (uint32_t i = 0; i < CONTACT_MAX; i++) { /* bound: CONTACT_MAX */
         struct viscoelastic_point *p = &v->point[i];
         p->in_set = seen >> i & 1u;
-        if (p->in_set || !p->remembers)
-            continue;
-        float m[3]; /* nothing pushes it but the others */
-        memory_of(p, &s, m);
-        for (int a = 0; a < 3; a++) /* bound: 3 */
-            m[a] = whole * (p->others_m_N[a] * sum_N - m[a]);
-        advance(p, &s, m);
+        if (!p->in_set && p->remembers)
+            relax(p, s, sum_N);
     }
 }
 

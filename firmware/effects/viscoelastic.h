@@ -40,19 +40,35 @@ struct viscoelastic_point {
     float others_m_N[3];                  /* w by the other contacts, per newton of the sum of their p */
 };
 
+/* a_b, c_b for a step of some ticks, and C. */
+struct viscoelastic_step {
+    uint32_t branches;
+    float decay[BANK_MAX_BRANCHES], gain[BANK_MAX_BRANCHES], total;
+};
+
 struct viscoelastic {
     bool started;
     uint32_t tick;                                /* of the last push */
-    float stiffening;                             /* C of the last push */
     struct viscoelastic_point point[CONTACT_MAX]; /* per point of the tool */
+    /* of this tick, between asking and following: */
+    struct viscoelastic_step step;
+    struct bank_contact contact; /* S scaled by C: what the push takes for the bank's */
+    float memory_m[CONTACT_MAX][3], depth_m[CONTACT_MAX];
+    uint32_t fresh; /* bit per contact that comes upon tissue of which nothing is known */
 };
 
-/* STATUS_BANK_SECTION in a bank that names friction or swing too: they do not go together yet. */
+/* STATUS_BANK_SECTION in a bank that names swing too: they do not go together yet. */
 int viscoelastic_open(struct bank_view *view);
 
-/* The stages of hooks.h. `tick`: number of this tick; the ones since the last push had no sample. */
-void viscoelastic_push(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set,
-                       const struct collide *points, uint32_t tick);
+/* The stages of hooks.h. `tick`: number of this tick; the ones since the last push had no sample. What the contacts know; */
+void viscoelastic_ask(struct viscoelastic *v, const struct bank_view *bank, const struct contact_set *set,
+                      const struct collide *points, uint32_t tick);
+/* depths and epsilon of the problem above, for contact_push with v->contact; */
+void viscoelastic_deepen(const struct viscoelastic *v, struct contact_set *set);
+/* or what friction and jaws ask, likewise, of contact c; */
+void viscoelastic_want(const struct viscoelastic *v, uint32_t c, float wanted_m[3]);
+/* and after the push what the tissue remembers of it. */
+void viscoelastic_follow(struct viscoelastic *v, const struct bank_view *bank, struct contact_set *set);
 void viscoelastic_forget(struct viscoelastic *v, const struct collide_range *points);
 
 #endif

@@ -10,17 +10,12 @@
 #include "fem_cone.h"
 #include "progress.h"
 
-/* C d + m of a contact, with m = w - C u from what is remembered after the tick. */
-static float remembered_depth(const struct contact *c, const struct viscoelastic *visco)
+/* C d + m of a contact (viscoelastic.h). */
+static float remembered_depth(const struct contact_set *set, uint32_t c, const struct viscoelastic *visco)
 {
-    const struct viscoelastic_point *p = &visco->point[c->point];
-    double depth = (double)visco->stiffening * (double)c->depth_m;
-    for (int a = 0; a < 3; a++) {
-        double m = (1 - (double)visco->stiffening) * (double)p->moved_m[a];
-        for (int b = 0; b < BANK_MAX_BRANCHES; b++)
-            m += (double)p->memory_m[b][a];
-        depth -= (double)c->normal[a] * m;
-    }
+    double depth = (double)visco->step.total * (double)set->contact[c].depth_m;
+    for (int a = 0; a < 3; a++)
+        depth -= (double)set->contact[c].normal[a] * (double)visco->memory_m[c][a];
     return (float)depth;
 }
 
@@ -32,13 +27,13 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
     sample->count = set->count;
     sample->rigid = contact_all(set) - set->count;
     sample->friction = cone != NULL;
-    sample->stiffening = visco ? (double)visco->stiffening : 1;
+    sample->stiffening = visco ? (double)visco->step.total : 1;
     memcpy(sample->force_N, set->force_N, sizeof sample->force_N);
     for (uint32_t c = 0; c < set->count; c++) {
         sample->contact[c].tool = contact_tool(&set->contact[c]);
         sample->contact[c].triangle = set->contact[c].triangle;
         memcpy(sample->contact[c].pull, set->contact[c].pull, sizeof sample->contact[c].pull);
-        sample->contact[c].depth_m = visco ? remembered_depth(&set->contact[c], visco) : set->contact[c].depth_m;
+        sample->contact[c].depth_m = visco ? remembered_depth(set, c, visco) : set->contact[c].depth_m;
         memcpy(sample->contact[c].weights, set->contact[c].weights, sizeof sample->contact[c].weights);
         memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
         if (cone)
@@ -149,12 +144,12 @@ static int fem_force_friction(const struct bank_view *bank, const struct body *b
         for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
             own += A[size * i + i] / 3;
         for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
-            A[size * i + i] += pad(bank, own);
+            A[size * i + i] += sample->stiffening * pad(bank, own);
     }
     for (uint32_t i = 0; i < size && !status; i++)
         for (uint32_t j = i % 3; j < size; j += 3)
             if (sample->contact[i / 3].tool == sample->contact[j / 3].tool)
-                A[size * i + j] += 1 / (double)bank->contact->coupling_stiffness_N_m;
+                A[size * i + j] += sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
     if (!status)
         status = fem_cone(m, A, d, n, mu, f, why);
     for (uint32_t i = 0; i < size && !status; i++)

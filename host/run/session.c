@@ -232,10 +232,7 @@ static void account(struct session *s)
         }
         r->beyond_range = bank->neo_hookean ? c->neo_hookean.beyond : c->quasi_nonlinear.beyond;
     }
-    fem_record_tick(&s->record, contacts,
-                    s->bank->view.friction ? &c->friction.system
-                    : s->bank->view.grasp  ? &c->grasp.system
-                                           : NULL,
+    fem_record_tick(&s->record, contacts, s->bank->view.friction || s->bank->view.grasp ? &c->cone.system : NULL,
                     s->bank->view.viscoelastic ? &c->viscoelastic : NULL, s->tick);
 }
 

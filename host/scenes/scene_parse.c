@@ -160,17 +160,26 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         scene->effects.named |= effect->bit;
         effect->parse(t, yaml_document_get_node(&t->document, pair->value), scene);
     }
-    /* Each of these changes what the others take for granted: how contacts respond, and what their forces are. */
-    uint32_t alone = scene->effects.named & (EFFECT_FRICTION | EFFECT_GRASP | EFFECT_RIGID | EFFECT_SWING |
-                                             EFFECT_VISCOELASTIC | EFFECT_NEO_HOOKEAN | EFFECT_QUASI_NONLINEAR);
-    if (alone & (alone - 1)) {
-        effects_names(alone, " and ", offered, sizeof offered);
+    /* What the first of each takes for granted the second changes: that contacts push along their normals; that they respond as the
+     * bank says; that the force acts at the tip. */
+    static const uint32_t apart[][2] = {
+        {EFFECT_SWING, EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC},
+        {EFFECT_NEO_HOOKEAN, EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC | EFFECT_SWING},
+        {EFFECT_QUASI_NONLINEAR,
+         EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC | EFFECT_SWING | EFFECT_NEO_HOOKEAN},
+        {EFFECT_SHAPE, EFFECT_FRICTION | EFFECT_GRASP},
+        {EFFECT_RIGID, EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC | EFFECT_SWING | EFFECT_NEO_HOOKEAN |
+                           EFFECT_QUASI_NONLINEAR},
+    };
+    for (size_t i = 0; i < sizeof apart / sizeof apart[0]; i++) {
+        uint32_t clash = scene->effects.named & apart[i][1];
+        if (!(scene->effects.named & apart[i][0]) || !clash)
+            continue;
+        effects_names(apart[i][0] | clash, " and ", offered, sizeof offered);
         tree_fail(t, map, STATUS_SCENE_VALUE, "leave one of them out", "%s do not go together yet", offered);
     }
     if (scene->effects.named & EFFECT_RIGID)
         scene_rigid_check(t, tree_find(t, map, "rigid"), scene);
-    tree_require(t, map, (~scene->effects.named & (EFFECT_FRICTION | EFFECT_SHAPE)) != 0,
-                 "friction and shape do not go together yet");
 }
 
 static void budget(struct tree *t, tree_node map, struct scene *scene)

@@ -140,7 +140,7 @@ static bool run_once(const struct bank_view *bank, const struct recording *recor
         r->contacts_max = c->contact.count > r->contacts_max ? c->contact.count : r->contacts_max;
         r->factors_max = c->contact.factors > r->factors_max ? c->contact.factors : r->factors_max;
     }
-    r->solver_cuts = c->contact.cut + c->friction.cut + c->grasp.cut;
+    r->solver_cuts = c->contact.cut;
     r->waits = c->contact.held + c->contact.waiting;
     return true;
 }

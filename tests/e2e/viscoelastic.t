@@ -41,8 +41,8 @@ rm "$work/rheometer.csv"
 "$build/trocar" run "$work/fit.bank" --json >"$work/out" 2>"$work/err" &&
     tr ',{}' '\n\n\n' <"$work/out" | awk -F: '/"force_error_vs_fem"/ {found = 1; bad = $2 + 0 > 1e-4 || $2 ~ /null/} END {exit !found || bad}'
 result $? "a run of it, without the table, gives the forces of full finite elements to 1e-4"
-bad 5 'friction and viscoelastic do not go together' '{friction: {mu: 0.2}, viscoelastic: {viscosity: 20 ms}}' \
-    "visco-elastic tissue with friction"
+bad 5 'swing and viscoelastic do not go together' '{swing: {modes: 2}, viscoelastic: {viscosity: 20 ms}}' \
+    "visco-elastic tissue that swings"
 bad 5 'has both prony and boltzmann' '{viscoelastic: {prony: [[0.3, 1 s]], boltzmann: {k1: 1 kPa, k2: 1 kPa, C: 1 Pa s}}}' \
     "two models"
 bad 5 'C: 3 has no unit; a viscosity is expected here (Pa s, kPa s)' '{viscoelastic: {kelvin_voigt: {k: 1 kPa, C: 3}}}' \

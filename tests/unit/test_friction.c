@@ -239,9 +239,9 @@ static void a_point_on_a_flat_body_sticks_and_slips_as_a_spring_behind_a_slider(
     double A[6], x0 = at(&b)->collide.point[0].position_m[0], worst = 0, f = 0, way = 0, slider = 0, most = 0;
     double normal = at(&b)->contact.contact[0].pressure_N;
     for (int k = 0; k < 6; k++)
-        A[k] = at(&b)->friction.system.contact[0].local[k];
+        A[k] = at(&b)->cone.system.contact[0].local[k];
     /* the world's x is tangential; its compliance from the local frame, whose tangents are not the world's */
-    const float(*frame)[3] = at(&b)->friction.system.contact[0].frame;
+    const float(*frame)[3] = at(&b)->cone.system.contact[0].frame;
     double t1 = frame[1][0], t2 = frame[2][0];
     double compliance = A[3] * t1 * t1 + 2 * A[4] * t1 * t2 + A[5] * t2 * t2;
     assert_true(normal > 0.05);

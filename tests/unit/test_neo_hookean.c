@@ -38,7 +38,7 @@ static void push(struct press *p, const double *depth_m)
         }
     }
     contact_assemble(&p->set, &p->rows, &p->bank);
-    contact_push(&p->set, &p->bank);
+    contact_push(&p->set, p->bank.contact);
     p->linear = p->set;
     neo_hookean_correct(&p->effect, &p->bank, &p->set);
 }

@@ -67,7 +67,7 @@ static void push(struct press *p, double depth_m)
         p->set.count++;
     }
     contact_assemble(&p->set, &p->rows, &p->bank);
-    contact_push(&p->set, &p->bank);
+    contact_push(&p->set, p->bank.contact);
     p->linear = p->set;
     quasi_nonlinear_correct(&p->effect, &p->bank, &p->set);
 }
