@@ -37,7 +37,7 @@ EFFECTS = {"friction": "effects: {friction: {mu: 0.3}}", "swing": "effects: {swi
            "neo_hookean": "effects: {neo_hookean: {sites: 60}}",
            "quasi_nonlinear": "effects: {quasi_nonlinear: {Q: {range: 2 N, coefficients: [2, 0.5, 1]}}}",
            "grasp": "effects: {grasp: {closes: 60 %, opens: 40 %, slip: 2 N, sweeps: 10}}",
-           "shape": "effects: {shape: {jaws: {}}}",
+           "shape": "effects: {shape: {shaft: {samples: 3}, jaws: {samples: 2}}}",
            "rigid": "effects: {rigid: {obstacles: [{name: rib, hull: [[-0.019, -0.12, 0.12], [-0.019, -0.04, 0.14]], radius: 4 mm}]}}"}
 EFFECTS_GESTURE = ("approach 0.3 s\npress 15 mm in 0.4 s\nclose 0.1 s\nslide 15 mm 10 mm in 0.4 s\nopen 0.1 s\n"
                    "slide -25 mm 0 mm in 0.5 s\npoke 10 mm in 0.2 s\n")
