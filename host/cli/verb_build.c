@@ -9,6 +9,7 @@
 #include "cli.h"
 #include "open_bank.h"
 #include "output.h"
+#include "quasi_nonlinear_report.h"
 #include "viscoelastic_report.h"
 #include "quantity.h"
 
@@ -254,6 +255,8 @@ int verb_build(int argc, char **argv, struct failure *why)
         set_limits(&o, scene);
     if (!status)
         status = viscoelastic_report(scene, o.output, o.quiet ? NULL : stderr, why);
+    if (!status)
+        status = quasi_nonlinear_report(scene, o.output, o.quiet ? NULL : stderr, why);
     if (!status)
         status = bank_build(scene, o.output, &o.compression, o.resume ? 0 : BANK_KEEP_AFTER_S, o.quiet, &result, why);
     if (!status && result.row_work)

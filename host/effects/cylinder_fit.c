@@ -157,39 +157,81 @@ static int check_rows(const struct csv *t, size_t depth, size_t used, const size
     return STATUS_OK;
 }
 
-int cylinder_fit_file(const char *path, const struct sample *s, int degree_min, struct cylinder_fit *fit,
-                      struct failure *why)
+double cylinder_linear(const struct sample *s, double depth_m, int across)
+{
+    return across ? s->nu * s->radius_m * depth_m / s->height_m
+                  : acos(-1) * s->radius_m * s->radius_m * s->E_Pa * depth_m / s->height_m;
+}
+
+void cylinder_table_free(struct cylinder_table *t)
+{
+    free(t->depth_m);
+    free(t->force_N);
+    free(t->across_m);
+    *t = (struct cylinder_table){0};
+}
+
+/* In metres and newtons. */
+static int copy(const struct csv *t, const size_t column[3], size_t used, struct cylinder_table *table,
+                struct failure *why)
+{
+    static const char *const unit[3][2] = {{"m", "mm"}, {"N", "mN"}, {"m", "mm"}};
+    double **to[3] = {&table->depth_m, &table->force_N, &table->across_m};
+    table->rows = t->rows;
+    for (size_t k = 0; k < used; k++) {
+        double times, *values = *to[k] = malloc((t->rows + 1) * sizeof *values);
+        int status = unit_of(t, column[k], unit[k][0], unit[k][1], &times, why);
+        if (!values)
+            return failure_set(why, STATUS_MEMORY, t->path, NULL, "no memory for %zu rows", t->rows);
+        if (status)
+            return status;
+        for (size_t r = 0; r < t->rows; r++)
+            values[r] = times * t->value[r * t->columns + column[k]];
+    }
+    return STATUS_OK;
+}
+
+int cylinder_table_read(const char *path, struct cylinder_table *table, struct failure *why)
 {
     struct csv t;
     size_t column[3] = {0};
-    double times[3] = {0}, *x = NULL, *y = NULL;
     struct failure none;
-    *fit = (struct cylinder_fit){0};
+    *table = (struct cylinder_table){0};
     int status = csv_read(path, &t, why);
     if (!status)
         status = csv_column(&t, "depth", &column[0], why);
     if (!status)
         status = csv_column(&t, "force", &column[1], why);
-    fit->has_across = !status && csv_column(&t, "across", &column[2], &none) == STATUS_OK;
-    for (size_t k = 0; k < 2 + (size_t)fit->has_across && !status; k++)
-        status = unit_of(&t, column[k], k == 1 ? "N" : "m", k == 1 ? "mN" : "mm", &times[k], why);
+    size_t used = !status && csv_column(&t, "across", &column[2], &none) == STATUS_OK ? 3 : 2;
     if (!status)
-        status = check_rows(&t, column[0], 2 + (size_t)fit->has_across, column, why);
-    if (!status && !((x = malloc((t.rows + 1) * sizeof *x)) && (y = malloc((t.rows + 1) * sizeof *y))))
+        status = copy(&t, column, used, table, why);
+    if (!status)
+        status = check_rows(&t, column[0], used, column, why);
+    csv_free(&t);
+    if (status)
+        cylinder_table_free(table);
+    return status;
+}
+
+int cylinder_fit_file(const char *path, const struct sample *s, int degree_min, struct cylinder_fit *fit,
+                      struct failure *why)
+{
+    struct cylinder_table t;
+    *fit = (struct cylinder_fit){0};
+    int status = cylinder_table_read(path, &t, why);
+    if (status)
+        return status;
+    double *x = malloc((t.rows + 1) * sizeof *x);
+    if (!x)
         status = failure_set(why, STATUS_MEMORY, path, NULL, "no memory for %zu rows", t.rows);
-    for (size_t k = 1; k < 2 + (size_t)fit->has_across && !status; k++) {
-        double linear =
-            k == 1 ? acos(-1) * s->radius_m * s->radius_m * s->E_Pa / s->height_m : s->nu * s->radius_m / s->height_m;
-        for (size_t r = 0; r < t.rows; r++) {
-            x[r] = linear * times[0] * t.value[r * t.columns + column[0]];
-            y[r] = times[k] * t.value[r * t.columns + column[k]];
-        }
-        if (t.rows > 0)
-            fit->depth_max_m = times[0] * t.value[(t.rows - 1) * t.columns + column[0]];
-        status = best_fit(t.rows, x, y, degree_min, path, k == 1 ? &fit->Q : &fit->P, why);
+    fit->has_across = t.across_m;
+    fit->depth_max_m = t.rows > 0 ? t.depth_m[t.rows - 1] : 0;
+    for (int k = 0; k < 1 + fit->has_across && !status; k++) {
+        for (size_t r = 0; r < t.rows; r++)
+            x[r] = cylinder_linear(s, t.depth_m[r], k);
+        status = best_fit(t.rows, x, k ? t.across_m : t.force_N, degree_min, path, k ? &fit->P : &fit->Q, why);
     }
     free(x);
-    free(y);
-    csv_free(&t);
+    cylinder_table_free(&t);
     return status;
 }

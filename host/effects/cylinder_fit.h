@@ -39,6 +39,20 @@ struct sample {
     double height_m, radius_m, E_Pa, nu;
 };
 
+/* What linear elasticity says of the sample at a depth: its force, N; or, `across`, the bulge of its radius, m. */
+double cylinder_linear(const struct sample *sample, double depth_m, int across);
+
+/* Measured, in SI; depth rises. */
+struct cylinder_table {
+    size_t rows;
+    double *depth_m, *force_N, *across_m; /* across: NULL when the table has none */
+};
+
+/* A table (csv.h) of depth [m or mm], force [N or mN], and, optional, across [m or mm]. STATUS_TABLE_SYNTAX, STATUS_FIT with the
+ * line, MEMORY. */
+int cylinder_table_read(const char *path, struct cylinder_table *table, struct failure *why);
+void cylinder_table_free(struct cylinder_table *table);
+
 struct cylinder_fit {
     struct monotone Q; /* N -> N */
     bool has_across;
@@ -46,8 +60,7 @@ struct cylinder_fit {
     double depth_max_m; /* of the data */
 };
 
-/* From a table (csv.h): depth [m or mm], force [N or mN], and, optional, across [m or mm], depth rising. The degrees are the
- * lowest from `degree_min` up whose largest residual is below 0.5 %, or those of the smallest residual. STATUS_TABLE_SYNTAX,
+/* From a table. The degrees are the lowest from `degree_min` up whose largest residual is below 0.5 %, or those of the smallest residual. STATUS_TABLE_SYNTAX,
  * STATUS_FIT with the line or the depth. */
 int cylinder_fit_file(const char *path, const struct sample *sample, int degree_min, struct cylinder_fit *fit,
                       struct failure *why);

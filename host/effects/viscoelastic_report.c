@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "effects/image.h"
-#include "plot.h"
-#include "progress.h"
+#include "fit_drawing.h"
 #include "prony_fit.h"
 
 enum { CURVE = 120 }; /* marks of a fitted curve */
@@ -24,31 +23,19 @@ static void print(FILE *out, const char *path, const struct prony_fit *fit)
             100 * fit->residual_max);
 }
 
-static struct plot_mark mark(double x, double y, int series, const char *what)
-{
-    struct plot_mark m = {.x = x, .y = y, .series = series};
-    snprintf(m.title, sizeof m.title, "%s at %.4g: %.4g", what, x, y);
-    return m;
-}
-
 static int draw(const struct prony_fit *fit, const char *path, struct failure *why)
 {
     size_t parts = fit->oscillating ? 2 : 1, count = 0;
     struct plot_mark *marks = malloc(parts * (fit->points + CURVE) * sizeof *marks);
-    char *text = NULL;
-    size_t length = 0;
-    FILE *out = marks ? open_memstream(&text, &length) : NULL;
-    if (!out) {
-        free(marks);
+    if (!marks)
         return failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the drawing");
-    }
     double first = fit->x[0], last = fit->x[fit->points - 1];
     for (int part = 0; part < (int)parts; part++) {
         for (size_t i = 0; i < fit->points; i++)
-            marks[count++] = mark(fit->x[i], fit->measured[part][i], 1 + 2 * part, "measured");
+            marks[count++] = fit_mark(fit->x[i], fit->measured[part][i], 1 + 2 * part, "measured");
         for (int k = 0; k < CURVE; k++) {
             double x = first * pow(last / first, k / (CURVE - 1.0));
-            marks[count++] = mark(x, prony_fit_value(fit, part, x), 2 + 2 * part, "fitted");
+            marks[count++] = fit_mark(x, prony_fit_value(fit, part, x), 2 + 2 * part, "fitted");
         }
     }
     char what[2 * CSV_NAME + 20];
@@ -63,22 +50,7 @@ static int draw(const struct prony_fit *fit, const char *path, struct failure *w
                                    [3] = fit->oscillating ? "loss, measured" : NULL,
                                    [4] = fit->oscillating ? "loss, fitted" : NULL},
                         .curve = {[2] = true, [4] = true}};
-    if (plot_scale(&plot))
-        plot_svg(out, &plot, true);
-    int status = STATUS_OK;
-    if (fclose(out) != 0)
-        status = failure_set(why, STATUS_MEMORY, path, NULL, "no memory for the drawing");
-    struct file_writer writer;
-    if (status == STATUS_OK)
-        status = file_begin(&writer, path, why);
-    if (status == STATUS_OK) {
-        status = file_append(&writer, text, length, why);
-        if (status == STATUS_OK)
-            status = file_commit(&writer, why);
-        else
-            file_abandon(&writer);
-    }
-    free(text);
+    int status = fit_draw(&plot, path, why);
     free(marks);
     return status;
 }

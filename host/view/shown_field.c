@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "across.h"
 #include "bank.h"
 
 enum { MAX_SHOWN = BANK_MAX_INSTRUMENTS * LINK_MAX_CONTACTS };
@@ -53,5 +54,7 @@ int shown_field(const struct bank_view *bank, const struct link *links, uint32_t
         memset(u, 0, 3 * sizeof *u * bank->vertex_count);
     else if (bank->swing && amplitude)
         swing(bank, &s, amplitude, u);
+    else
+        across_apply(bank, s.count, s.displacement, u);
     return status;
 }

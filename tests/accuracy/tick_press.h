@@ -5,6 +5,7 @@
 
 #include <unistd.h>
 
+#include "across.h"
 #include "bank.h"
 #include "nonlinear.h"
 #include "specimen.h"
@@ -18,8 +19,9 @@ struct tick_press {
     struct tick_input in[TICK_INSTRUMENTS];
     void *rows;
     size_t row_bytes;
-    double site_m[3], direction[3], stand_m; /* the tip meets the site at the insertion stand_m */
-    double *u;                               /* of the neo-Hookean body, at the last answer */
+    double stand_m; /* the tip meets the site at this insertion */
+    double depth_m; /* of the device beyond it, as the encoder of the last sample says */
+    double *u;      /* of the neo-Hookean body, at the last answer */
 };
 
 /* A bank without compression, built from the text of a scene. */
@@ -69,6 +71,8 @@ static inline void tick_press_sample(struct tick_press *p, double depth_m)
         p->in[0].counts[k] = tick_press_tool(p)->axis[k].count_zero;
     double counts = axis->count_zero + (p->stand_m + depth_m - (double)axis->zero) / (double)axis->per_count;
     p->in[0].counts[2] = (uint16_t)lround(counts);
+    p->depth_m =
+        (double)axis->zero + ((double)p->in[0].counts[2] - axis->count_zero) * (double)axis->per_count - p->stand_m;
     tick(&p->controller, &p->bank.view, p->in, out);
 }
 
@@ -86,8 +90,6 @@ static inline void tick_press_begin(struct tick_press *p, const double site_m[3]
     p->stand_m = ((double)tool->axis[2].minimum + (double)tool->axis[2].maximum) / 2;
     for (int a = 0; a < 3; a++) {
         double y = direction[(a + 1) % 3] * x[(a + 2) % 3] - direction[(a + 2) % 3] * x[(a + 1) % 3];
-        p->site_m[a] = site_m[a];
-        p->direction[a] = direction[a];
         tool->rotation[3 * a] = (float)(x[a] / sqrt(size));
         tool->rotation[3 * a + 1] = (float)(y / sqrt(size));
         tool->rotation[3 * a + 2] = (float)direction[a];
@@ -150,6 +152,37 @@ static inline bool tick_press_truth(struct tick_press *p, const struct contact_s
             truth_N[a] -= q[r] * direction[3 * r + a];
     }
     return pushes;
+}
+
+/* Growth of the radius of a body around the z axis at a height, in parts of it, in the field that the page would show. */
+static inline double tick_press_bulge(const struct tick_press *p, const struct contact_set *set, double height_m,
+                                      bool curved)
+{
+    struct failure why;
+    const struct bank_view *bank = &p->bank.view;
+    uint32_t triangle[CONTACT_MAX];
+    double weights[2 * CONTACT_MAX], displacement[3 * CONTACT_MAX], sum = 0;
+    double *u = room(3 * bank->vertex_count * sizeof *u);
+    size_t count = 0;
+    for (uint32_t c = 0; c < set->count; c++) {
+        triangle[c] = set->contact[c].triangle;
+        for (int k = 0; k < 2; k++)
+            weights[2 * c + (uint32_t)k] = (double)set->contact[c].weights[k + 1];
+        for (uint32_t a = 0; a < 3; a++)
+            displacement[3 * c + a] = (double)set->contact[c].displacement_m[a];
+    }
+    assert_true(field_from_contacts(bank, set->count, triangle, weights, displacement, u, NULL, &why) >= 0);
+    if (curved)
+        across_apply(bank, set->count, displacement, u);
+    for (uint32_t v = 0; v < bank->vertex_count; v++) {
+        double x = (double)bank->positions[3 * v], y = (double)bank->positions[3 * v + 1], r = sqrt(x * x + y * y);
+        if (fabs((double)bank->positions[3 * v + 2] - height_m) > 1e-6)
+            continue;
+        sum += (u[3 * v] * x + u[3 * v + 1] * y) / (r * r);
+        count++;
+    }
+    free(u);
+    return sum / (double)count;
 }
 
 #endif
