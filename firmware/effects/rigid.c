@@ -65,7 +65,7 @@ int rigid_open(struct bank_view *view)
     const struct bank_obstacle *obstacle = (const void *)(b + 1);
     if (section->count > BANK_MAX_OBSTACLES || section->length != sizeof *b + section->count * sizeof *obstacle)
         return STATUS_BANK_LENGTH;
-    const uint32_t together = EFFECT_RIGID | EFFECT_SECOND | EFFECT_SHAPE;
+    const uint32_t together = EFFECT_RIGID | EFFECT_SECOND | EFFECT_SHAPE | EFFECT_SWING | EFFECT_VISCOELASTIC;
     bool good = b->obstacles == section->count && !(view->header->effects & ~together) && b->reserved[0] == 0 &&
                 b->reserved[1] == 0 && b->reserved[2] == 0;
     for (uint32_t t = 0; t < BANK_MAX_INSTRUMENTS; t++) /* bound: BANK_MAX_INSTRUMENTS */
