@@ -32,15 +32,27 @@ def table():
     return EFFECT.findall(pathlib.Path("shared/effects.def").read_text())
 
 
+SECOND = """  - name: left
+    trocar: {at: [0.055, -0.105, 0.17], axis: [-0.36, 0.42, -0.86]}
+    length: 0.10..0.23 m
+    tip: {radius: 5 mm, points: 6}
+    device: impulse-engine
+"""
+
+
 def example(name):
-    """The first line of code of the effect's page: how a scene names it."""
+    """The first line of code of the effect's page: how a scene names it. A second instrument is named by its entry."""
+    if name == "second":
+        return SECOND
     page = pathlib.Path("shared/effects/%s.md" % name).read_text()
     return re.search(r"^`effects: (\{.*\})`$", page, re.MULTILINE)[1]
 
 
 def scene(place, name, effects):
-    text = re.sub(r"^effects:.*$", "effects: " + effects, DEMO.read_text(), flags=re.MULTILINE)
-    text = re.sub(r"points: \d+", "points: 10", text)
+    text, second = re.sub(r"points: \d+", "points: 10", DEMO.read_text()), effects == SECOND
+    if second:
+        text = text.replace("contact:", SECOND + "contact:", 1)
+    text = re.sub(r"^effects:.*$", "effects: " + ("{}" if second else effects), text, flags=re.MULTILINE)
     text = re.sub(r"^budget:.*\n", "", text, flags=re.MULTILINE).replace("file: ", "file: %s/" % DEMO.parent.resolve())
     path = place / (name + ".yaml")
     path.write_text(text)
