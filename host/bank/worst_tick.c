@@ -17,18 +17,19 @@ static double solver_step(double m)
  * contact can slide against friction. */
 static double sweep(double m, bool slides)
 {
-    return 36 * m * (m - 1) + (150 + (slides ? 70 * CONE_SLIDE_STEPS : 0)) * m;
+    return 36 * m * (m - 1) + (230 + (slides ? 70 * CONE_SLIDE_STEPS : 0)) * m;
 }
 
-/* Beside the sweeps: anchors that slide or are measured, the local problems' matrices, what is remembered. */
-#define CONE_POINT 1800.0
+/* Beside the sweeps: the local problems' matrices, what is remembered; with friction an anchor that slides along the surface. */
+#define CONE_POINT  1800.0
+#define SLIDE_POINT 3000.0
 
 /* Of the modes: their shapes at each contact, twice; what they take from every pair; the test whether what is left is definite,
  * which may be made twice (firmware/effects/swing.c). */
 static double swing(double modes, double m)
 {
-    double test = m * m / 2 * (12 * modes + 40) + 8 * m * m * m / 6;
-    return modes == 0 ? 0 : 2 * test + modes * (30 * m * m + 400 * m + 300) + 200 * m;
+    double test = m * m / 2 * (14 * modes + 70) + 8 * m * m * m / 6;
+    return modes == 0 ? 0 : 2 * test + modes * (90 * m * m + 450 * m + 300) + 200 * m;
 }
 
 /* Of the branches: each contact's memory read, advanced and handed on (firmware/effects/viscoelastic.c). */
@@ -72,6 +73,7 @@ struct worst_effects worst_tick_effects(const struct scene *scene)
     if (e->named & EFFECT_VISCOELASTIC)
         w.branches = (unsigned)e->viscoelastic.series.count + (e->viscoelastic.series.viscosity_s > 0);
     w.spheres = e->named & EFFECT_SHAPE;
+    w.second = scene->instrument_count > 1;
     w.curved = e->named & EFFECT_QUASI_NONLINEAR;
     w.corrected = e->named & EFFECT_NEO_HOOKEAN;
     if (e->named & EFFECT_RIGID) {
@@ -90,12 +92,13 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double product = max_blocks * (double)(2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
     double overshoot = fmax(ROW_CACHE_PORTION * block, product);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
+    double point = WORST_TICK_POINT + (max_blocks ? WORST_TICK_ROWS : 0) + (effects.slides ? SLIDE_POINT : 0) +
+                   (effects.spheres ? WORST_TICK_SPHERE : 0);
     double solver = effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides)
                                    : steps * solver_step(m + effects.rigid_contacts);
     solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m) +
               curved(effects.curved, m) + rigid(&effects);
-    double point = WORST_TICK_POINT + (effects.spheres ? WORST_TICK_SPHERE : 0);
-    return WORST_TICK_BASE + point * m + pair * m * (m + 1) / 2 + solver +
+    return WORST_TICK_BASE + (effects.second ? WORST_TICK_SECOND : 0) + point * m + pair * m * (m + 1) / 2 + solver +
            (max_blocks ? WORST_TICK_WORK * (work + overshoot) : 0);
 }
 
@@ -115,8 +118,8 @@ bool worst_tick_fit(struct bank_contact *contact, struct worst_effects effects, 
 
 unsigned worst_tick_points(const struct scene *scene)
 {
-    unsigned most = 0;
+    unsigned sum = 0;
     for (size_t i = 0; i < scene->instrument_count; i++)
-        most = scene->instrument[i].tip_points > most ? scene->instrument[i].tip_points : most;
-    return most;
+        sum += scene->instrument[i].tip_points;
+    return sum;
 }

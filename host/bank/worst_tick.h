@@ -3,12 +3,15 @@
  * be sent; instructions, never microseconds.
  *
  *   WORST_TICK_BASE                            encoders, state, torques, the free points' look ahead
+ *   + WORST_TICK_SECOND                        the same of a second instrument
  *   + points     WORST_TICK_POINT              collision: swept and slid along the surface
  *     or, with a shape,  and WORST_TICK_SPHERE   the same for spheres (firmware/effects/shape.c)
- *   + m (m + 1)/2 pairs                        the contact system, m = points: all of them touch
+ *   + points     WORST_TICK_ROWS               finding their rows, and those ahead, among the decoded ones; none with a plain bank
+ *   + m (m + 1)/2 pairs                        the contact system, m = points of all instruments: all of them touch
  *   + steps (m^3, m^2, m)                      the solver uses all its factorisations, each with every contact
  *     or, with friction or grasp, sweeps (m^2, m)   round the contacts, each seeing all others (firmware/effects/cone.c)
- *   + what swing, visco-elastic and neo-Hookean tissue do at every contact (firmware/effects)
+ *   + what swing, visco-elastic and neo-Hookean tissue do at every contact, and what is rigid for every pair of its pieces
+ *                                              (firmware/effects)
  *   + (row work + overshoot) WORST_TICK_WORK   rows of the factor: the tick's share (CONT row_work) and the portion and
  *                                              product that may pass it; none with a plain bank
  *
@@ -26,10 +29,12 @@
 #include "scene.h"
 
 #define WORST_TICK_BASE       12000.0
-#define WORST_TICK_POINT      6800.0
+#define WORST_TICK_SECOND     5000.0
+#define WORST_TICK_POINT      7200.0
+#define WORST_TICK_ROWS       4000.0
 #define WORST_TICK_SPHERE     4000.0 /* the nearest place of the surface to its centre, and the lever */
-#define WORST_TICK_PAIR       1600.0 /* of contacts, blocks in the table of products */
-#define WORST_TICK_PAIR_PLAIN 2000.0 /* blocks read in place */
+#define WORST_TICK_PAIR       1100.0 /* of contacts that share no vertex, blocks in the table of products */
+#define WORST_TICK_PAIR_PLAIN 2060.0 /* blocks read in place */
 #define WORST_TICK_CLOSEST    900.0  /* a step towards the closest points of two convex hulls, */
 #define WORST_TICK_SUPPORT    30.0   /* and in it for each of their points */
 #define WORST_TICK_WORK       1.05   /* instructions per unit of row work (firmware/row_cache.h), and around it */
@@ -38,6 +43,7 @@
 struct worst_effects {
     unsigned sweeps;   /* bound of friction's or grasp's solver, which stands in place of the factorisations */
     bool slides;       /* with friction: each sweep looks for the slip of each contact */
+    bool second;       /* instrument */
     unsigned modes;    /* of swing */
     unsigned branches; /* of visco-elastic tissue */
     bool spheres;      /* the points are spheres of a shape: they look for the surface before they meet it */
@@ -46,7 +52,7 @@ struct worst_effects {
     unsigned rigid_pairs, rigid_points, rigid_contacts; /* of what does not give way: scene_rigid.h */
 };
 
-/* `points`: of the instrument with the most; `max_blocks`: of the longest row, 0 for a plain bank. */
+/* `points`: of all instruments; `max_blocks`: of the longest row, 0 for a plain bank. */
 double worst_tick(const struct bank_contact *contact, struct worst_effects effects, unsigned points,
                   uint32_t max_blocks);
 
@@ -58,7 +64,7 @@ bool worst_tick_fit(struct bank_contact *contact, struct worst_effects effects, 
 /* Of the scene. */
 struct worst_effects worst_tick_effects(const struct scene *scene);
 
-/* Points of the scene's instrument with the most. */
+/* Points of the scene's instruments together. */
 unsigned worst_tick_points(const struct scene *scene);
 
 #endif

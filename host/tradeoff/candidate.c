@@ -63,9 +63,14 @@ static struct worst_effects effects_as_set(const struct scene *scene, const stru
     return effects;
 }
 
+static unsigned points_as_set(const struct scene *scene, const struct setting *setting)
+{
+    return (unsigned)setting->value[KNOB_POINTS] * (unsigned)scene->instrument_count;
+}
+
 double candidate_worst_tick(const struct candidate *c, const struct body *body, const struct setting *setting)
 {
-    return worst_tick(c->view.contact, effects_as_set(&body->scene, setting), (unsigned)setting->value[KNOB_POINTS],
+    return worst_tick(c->view.contact, effects_as_set(&body->scene, setting), points_as_set(&body->scene, setting),
                       row_max_blocks(&c->view));
 }
 
@@ -73,7 +78,7 @@ double candidate_worst_tick(const struct candidate *c, const struct body *body, 
 static void set_row_work(const struct scene *scene, const struct setting *setting, uint32_t max_blocks,
                          struct bank_contact *contact)
 {
-    worst_tick_fit(contact, effects_as_set(scene, setting), (unsigned)setting->value[KNOB_POINTS], max_blocks,
+    worst_tick_fit(contact, effects_as_set(scene, setting), points_as_set(scene, setting), max_blocks,
                    scene->budget_instructions);
     if (setting->value[KNOB_ROW_WORK] > 0)
         contact->row_work = (uint16_t)setting->value[KNOB_ROW_WORK];

@@ -8,8 +8,8 @@
  *   --period N      of the jumps, instead of ten ticks; at least five
  *   --torques FILE  the torque frames of the run, as `trocar run --torque-log` writes them; not with --jumps
  *
- * ANSWERS holds records of ports/lockstep.h: for each tick the frames until the sample and that time, then the frames
- * until the end and that time. TICKS.csv has a line per tick, found by running the controller on the answers in this
+ * The hands of all instruments make the same gesture. ANSWERS holds records of ports/lockstep.h: for each tick the frames
+ * until the sample and that time, then the frames until the end and that time. TICKS.csv has a line per tick, found by running the controller on the answers in this
  * process: tick, state, contacts, factorisations, rows' work, rows read, products, contacts held, contacts left out. */
 #include <getopt.h>
 #include <math.h>
@@ -27,7 +27,7 @@
 #define JUMP_m   0.006
 
 struct recorder {
-    const char *bank_path, *answers_path, *ticks_path;
+    const char *bank_path, *gesture, *answers_path, *ticks_path;
     struct session_options options;
     uint64_t jumps_from; /* 0: none */
     uint64_t jump_period;
@@ -38,7 +38,7 @@ struct recorder {
     bool computed; /* in this tick */
     bool failed;
     uint64_t random;
-    double jump[3];
+    double jump[BANK_MAX_INSTRUMENTS][3];
 };
 
 static double random_between(struct recorder *r, double low, double high)
@@ -57,8 +57,8 @@ static void put_time(struct recorder *r, uint64_t time_us)
     put(r, &(struct lockstep_record){.kind = LOCKSTEP_TIME, .u.time_us = time_us});
 }
 
-/* Whether the frame is lost, and else where the tool is told to be. */
-static bool displace(struct recorder *r, struct can_frame_t *frame)
+/* Whether the frame of instrument `t` is lost, and else where the tool is told to be. */
+static bool displace(struct recorder *r, uint32_t t, struct can_frame_t *frame)
 {
     uint64_t tick = r->start_us / LOOP_TICK_US;
     struct wire_encoders m;
@@ -69,11 +69,11 @@ static bool displace(struct recorder *r, struct can_frame_t *frame)
         return false;
     if (phase == 4)
         for (int k = 0; k < 3; k++)
-            r->jump[k] = k < 2 ? random_between(r, -JUMP_rad, JUMP_rad) : random_between(r, -JUMP_m, JUMP_m);
-    const struct bank_axis *axis = r->bank.view.tools[0].axis;
-    m.alpha = (uint16_t)(m.alpha + lround(r->jump[0] / axis[0].per_count)) & 16383;
-    m.beta = (uint16_t)(m.beta + lround(r->jump[1] / axis[1].per_count)) & 16383;
-    m.insertion = (uint16_t)(m.insertion + lround(r->jump[2] / axis[2].per_count)) & 16383;
+            r->jump[t][k] = k < 2 ? random_between(r, -JUMP_rad, JUMP_rad) : random_between(r, -JUMP_m, JUMP_m);
+    const struct bank_axis *axis = r->bank.view.tools[t].axis;
+    m.alpha = (uint16_t)(m.alpha + lround(r->jump[t][0] / axis[0].per_count)) & 16383;
+    m.beta = (uint16_t)(m.beta + lround(r->jump[t][1] / axis[1].per_count)) & 16383;
+    m.insertion = (uint16_t)(m.insertion + lround(r->jump[t][2] / axis[2].per_count)) & 16383;
     wire_encoders_pack(frame->data, &m);
     return true;
 }
@@ -83,13 +83,14 @@ static void listen(void *context, const struct can_frame_t *frame, uint64_t time
     (void)time_us;
     struct recorder *r = context;
     struct can_frame_t copy = *frame;
-    if (frame->id != WIRE_NMT_ID && frame->id != WIRE_ENCODERS_ID + SESSION_NODE)
+    uint32_t t = frame->id - (WIRE_ENCODERS_ID + SESSION_NODE);
+    if (frame->id != WIRE_NMT_ID && t >= r->bank.view.tool_count)
         return;
     bool computed = session_node(r->session)->controller.tick_count * (uint64_t)LOOP_TICK_US > r->start_us;
     if (computed && !r->computed)
         put_time(r, r->start_us + LOOP_SAMPLE_WAIT_US);
     r->computed = computed;
-    if (frame->id == WIRE_NMT_ID || displace(r, &copy)) {
+    if (frame->id == WIRE_NMT_ID || displace(r, t, &copy)) {
         struct lockstep_record record = lockstep_send(&copy);
         put(r, &record);
     }
@@ -100,6 +101,8 @@ static int record(struct recorder *r, struct failure *why)
     r->answers = fopen(r->answers_path, "wb");
     if (!r->answers)
         return failure_set(why, STATUS_FILE_WRITE, r->answers_path, NULL, "cannot be written");
+    for (uint32_t t = 0; t < r->bank.view.tool_count; t++)
+        r->options.gesture[t] = r->gesture;
     int status = session_create(&r->bank, NULL, &r->options, &r->session, why);
     if (status)
         return status;
@@ -191,8 +194,9 @@ static bool parse(struct recorder *r, int argc, char **argv)
                                             {"period", required_argument, NULL, 'p'},
                                             {NULL, 0, NULL, 0}};
     r->jump_period = 10;
-    r->options.faults = (struct bus_faults){
-        .id_from = WIRE_ENCODERS_ID + SESSION_NODE, .id_to = WIRE_ENCODERS_ID + SESSION_NODE, .seed = 1};
+    r->options.faults = (struct bus_faults){.id_from = WIRE_ENCODERS_ID + SESSION_NODE,
+                                            .id_to = WIRE_ENCODERS_ID + SESSION_NODE + BANK_MAX_INSTRUMENTS - 1,
+                                            .seed = 1};
     for (int o; (o = getopt_long(argc, argv, "", options, NULL)) != -1;)
         switch (o) {
         case 'n':
@@ -220,7 +224,7 @@ static bool parse(struct recorder *r, int argc, char **argv)
     if (argc - optind != 4 || r->jump_period < 5)
         return false;
     r->bank_path = argv[optind];
-    r->options.gesture[0] = argv[optind + 1];
+    r->gesture = argv[optind + 1];
     r->answers_path = argv[optind + 2];
     r->ticks_path = argv[optind + 3];
     return true;

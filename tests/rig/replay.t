@@ -38,7 +38,8 @@ EFFECTS = {"friction": "effects: {friction: {mu: 0.3}}", "swing": "effects: {swi
            "quasi_nonlinear": "effects: {quasi_nonlinear: {Q: {range: 2 N, coefficients: [2, 0.5, 1]}}}",
            "grasp": "effects: {grasp: {closes: 60 %, opens: 40 %, slip: 2 N, sweeps: 10}}",
            "shape": "effects: {shape: {shaft: {samples: 3}, jaws: {samples: 2}}}",
-           "rigid": "effects: {rigid: {obstacles: [{name: rib, hull: [[-0.019, -0.12, 0.12], [-0.019, -0.04, 0.14]], radius: 4 mm}]}}"}
+           "rigid": "effects: {rigid: {obstacles: [{name: rib, hull: [[-0.019, -0.12, 0.12], [-0.019, -0.04, 0.14]], radius: 4 mm}]}}",
+           "second": "effects: {}"}
 EFFECTS_GESTURE = ("approach 0.3 s\npress 15 mm in 0.4 s\nclose 0.1 s\nslide 15 mm 10 mm in 0.4 s\nopen 0.1 s\n"
                    "slide -25 mm 0 mm in 0.5 s\npoke 10 mm in 0.2 s\n")
 STACK_MOST = 4096
@@ -92,7 +93,7 @@ class EffectsRecording(Recording):
         self.name = name
         scene = place / (name + ".yaml")
         shutil.copy("host/scenes/demo/liver.geo", place)
-        text = pathlib.Path("host/scenes/demo/demo.yaml").read_text()
+        text = pathlib.Path("host/scenes/demo/%s.yaml" % ("two_tools" if name == "second" else "demo")).read_text()
         scene.write_text(re.sub(r"^effects: .*$", EFFECTS[name], text, flags=re.MULTILINE))
         gesture = place / "effects.gesture"
         gesture.write_text(EFFECTS_GESTURE)
