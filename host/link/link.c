@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "bank_format.h"
 #include "crc.h"
 #include "wire.h"
 
@@ -80,6 +81,7 @@ void link_start(struct link *link, uint8_t node_id)
 {
     memset(link, 0, sizeof *link);
     link->node_id = node_id;
+    link->roll = BANK_MIDDLE_ROLL;
 }
 
 /* Find the place of set number `set` (of `modulus`) in the order of sets. True when the frame belongs to the assembly,
@@ -306,6 +308,7 @@ static enum verdict receive_other(struct link *link, const struct can_frame_t *f
     if (base == WIRE_ENCODERS_ID) {
         good = wire_encoders_unpack(&encoders, frame->data, frame->length);
         link->grip = good ? encoders.grip : link->grip;
+        link->roll = good ? encoders.roll : link->roll;
     } else if (base == WIRE_TORQUES_ID) {
         good = wire_torques_unpack(&torques, frame->data, frame->length) &&
                crc8_frame(frame->id, frame->data, WIRE_TORQUES_LENGTH - 1) == torques.crc;

@@ -43,7 +43,7 @@ struct link {
     unsigned contacts_reported; /* how many the controller says it has, with force_N */
     unsigned state;             /* enum safety_state; from the newest frame that carries it */
     uint64_t pose_time_us, pose_sets;
-    unsigned grip;                /* raw count of the newest sample; 0 before the first */
+    unsigned grip, roll;          /* raw counts of the newest sample; 0, and BANK_MIDDLE_ROLL, before the first */
     uint32_t health[LINK_HEALTH]; /* in the order of link_health_name */
     uint64_t health_time_us;
     int reason;         /* 0 or the STATUS_LOOP_* of SAFE */

@@ -67,8 +67,46 @@ static int no_memory(struct failure *why)
     return failure_set(why, STATUS_MEMORY, "view", "", "no memory for a message to the page");
 }
 
-static struct json_object *tool_json(const struct bank_tool *tool, const char *name)
+static struct json_object *points(size_t count, const float (*point_m)[3])
 {
+    struct json_object *array = json_object_new_array();
+    for (size_t i = 0; i < count; i++)
+        json_object_array_add(array, floats(3, point_m[i]));
+    return array;
+}
+
+/* The spheres of an instrument's shape: its share of TOOL's points. */
+static struct json_object *spheres(const struct bank_view *bank, uint32_t t)
+{
+    struct json_object *array = json_object_new_array();
+    const uint32_t first = t ? bank->tools[0].point_count : 0;
+    for (uint32_t i = first; bank->shape && i < first + bank->tools[t].point_count && i < BANK_MAX_TOOL_POINTS; i++) {
+        const struct bank_sphere *s = &bank->shape->sphere[i];
+        const float values[6] = {s->centre_m[0], s->centre_m[1], s->centre_m[2], s->radius_m, s->along_m, s->side};
+        json_object_array_add(array, floats(6, values));
+    }
+    return array;
+}
+
+static void put_obstacles(struct json_object *json, const struct bank_view *bank)
+{
+    struct json_object *list = json_object_new_array();
+    const struct bank_rigid *rigid = bank->rigid;
+    const struct bank_obstacle *obstacle = rigid ? (const void *)(rigid + 1) : NULL;
+    for (uint32_t i = 0; rigid && i < rigid->obstacles; i++) {
+        struct json_object *one = json_object_new_object();
+        put(one, "radius_m", number((double)obstacle[i].radius_m));
+        put(one, "points", points(obstacle[i].points, obstacle[i].point_m));
+        json_object_array_add(list, one);
+    }
+    put(json, "obstacles", list);
+    put(json, "cannula_m",
+        floats(2, (const float[2]){rigid ? rigid->cannula_radius_m : 0, rigid ? rigid->cannula_inside_m : 0}));
+}
+
+static struct json_object *tool_json(const struct bank_view *bank, uint32_t t, const char *name)
+{
+    const struct bank_tool *tool = &bank->tools[t];
     float minimum[3], maximum[3];
     for (size_t a = 0; a < 3; a++) {
         minimum[a] = tool->axis[a].minimum;
@@ -81,6 +119,8 @@ static struct json_object *tool_json(const struct bank_tool *tool, const char *n
     put(json, "tip_radius_m", number((double)tool->tip_radius_m));
     put(json, "joint_min", floats(3, minimum));
     put(json, "joint_max", floats(3, maximum));
+    put(json, "opening_rad", number(bank->shape ? (double)bank->shape->opening_rad[t] : 0));
+    put(json, "spheres", spheres(bank, t));
     return json;
 }
 
@@ -105,8 +145,9 @@ int message_hello(struct message *message, const struct bank_view *bank, const c
         json_object_array_add(health, json_object_new_string(link_health_name(i)));
     put(json, "health_names", health);
     for (uint32_t i = 0; i < bank->tool_count && i < BANK_MAX_INSTRUMENTS; i++)
-        json_object_array_add(list, tool_json(&bank->tools[i], names[i]));
+        json_object_array_add(list, tool_json(bank, i, names[i]));
     put(json, "instruments", list);
+    put_obstacles(json, bank);
 
     unsigned char *at = begin(message, MESSAGE_HELLO, json, 12 * n + 6 * t + n);
     json_object_put(json);
@@ -164,6 +205,7 @@ static struct json_object *instrument_json(const struct bank_view *bank, const s
     put(json, "tip_m", numbers(3, link->tip_m));
     put(json, "force_N", numbers(3, link->force_N));
     put(json, "grip", number((double)link->grip / BANK_MAX_GRIP));
+    put(json, "roll_rad", number(M_PI * ((double)link->roll - BANK_MIDDLE_ROLL) / BANK_MIDDLE_ROLL));
     put(json, "contacts", contact_points(bank, link));
     struct json_object *held = json_object_new_array();
     for (size_t k = 0; k < i->held_count; k++)

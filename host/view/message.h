@@ -4,12 +4,15 @@
  *
  * hello, once per connection. JSON: protocol 2, scene, vertices n, triangles t, fixed (count), jaws (the instruments grasp),
  *   force_limit_N, health_names [...], instruments [{name, trocar_m [3], rotation [9] (row-major, columns are the trocar
- *   frame's axes in the world), tip_radius_m, joint_min [3], joint_max [3] (rad, rad, m)} ...].
+ *   frame's axes in the world), tip_radius_m, joint_min [3], joint_max [3] (rad, rad, m), opening_rad, spheres [[x, y, z, radius,
+ *   along, side] ...] (those two of the effect shape, shared/SPEC.md, SHAP; 0 and none without)} ...], obstacles [{radius_m, points
+ *   [[x, y, z] ...]} ...] (of the effect rigid: all that is so near to the points' convex hull), cannula_m [2] (outer radius, 0:
+ *   none; how far it reaches inwards).
  *   Arrays: float32 rest positions 3n (m), u16 triangles 3t, u8 fixed flags n.
  *
  * frame, 30 per second of the run. JSON: frame (number from 1), time_s, clients, dropped, malformed, field_error ("" or why
  *   the field is not shown), max_m (largest displacement), scale_m, instruments [{...} ...], fewer than in hello when some are not
- *   there, each with: tip_m [3], force_N [3] (of the tissue on the tool), grip (of the jaws, 0 open .. 1 closed), contacts
+ *   there, each with: tip_m [3], force_N [3] (of the tissue on the tool), grip (of the jaws, 0 open .. 1 closed), roll_rad, contacts
  *   [[x, y, z] ...] (displaced, m), held [[x, y, z] ...] (points that the jaws hold, the same), state (INIT READY RUN SAFE),
  *   reason (name of the status or ""), meaning, remedy, silent_s (since the controller was heard last), health [...] (order
  *   of health_names), trace [[time_s, N] ...] (force since the frame before), hand_m [3] (target, trocar's frame), driven (a

@@ -10,16 +10,35 @@ const linear = (c) => (c <= 0.04045 ? c / 12.92 : Math.pow((c + 0.055) / 1.055, 
 const paintOf = (hex) => new THREE.Color(hex).convertSRGBToLinear();
 const channels = (hex) => [hex >> 16 & 255, hex >> 8 & 255, hex & 255];
 
+/* Spheres and what lies between each and the next, in a group. */
+function sweep(group, spheres, material) {
+  spheres.forEach(({at, radius}, i) => {
+    const ball = new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 24, 16), material);
+    ball.position.copy(at);
+    group.add(ball);
+    if (!i) return;
+    const before = spheres[i - 1], way = at.clone().sub(before.at), length = way.length();
+    if (!(length > 1e-6)) return;
+    const between = new THREE.Mesh(new THREE.CylinderBufferGeometry(radius, before.radius, length, 24, 1, true), material);
+    between.position.copy(before.at).addScaledVector(way, 0.5);
+    between.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), way.divideScalar(length));
+    group.add(between);
+  });
+}
+
 class Instrument {
-  /* `tool`: of the hello; `number` from 0. */
-  constructor(scene, tool, number, jaws) {
+  /* `tool`: of the hello; `number` from 0; `mark_m`: the least size of what is no part of it, that it can be seen. */
+  constructor(scene, tool, number, jaws, mark_m) {
     const column = (k) => new THREE.Vector3(tool.rotation[k], tool.rotation[3 + k], tool.rotation[6 + k]);
     this.axes = [column(0), column(1), column(2)];
     this.out = this.axes[2].clone().negate(); // of the body
     this.trocar = new THREE.Vector3().fromArray(tool.trocar_m);
     this.radius = tool.tip_radius_m;
+    this.mark = Math.max(mark_m, this.radius, ...tool.spheres.map((sphere) => sphere[3]));
     this.tip = this.trocar.clone();
     this.group = new THREE.Group();
+    this.spheres = tool.spheres.map(([x, y, z, radius, along, side]) => ({at: new THREE.Vector3(x, y, z), radius, along, side}));
+    this.opening = this.spheres.length ? tool.opening_rad : JAWS_OPEN;
     this.buildShaft(number, jaws);
     this.dots = this.buildDots(0.24, 0x10222e, 2);
     this.holds = this.buildDots(0.34, 0x1fd9c8, 3);
@@ -33,18 +52,41 @@ class Instrument {
     const steel = new THREE.MeshStandardMaterial({color: paintOf(0xc9d0d6), roughness: 0.32, metalness: 0.12});
     const dark = new THREE.MeshStandardMaterial({color: paintOf(0x46535e), roughness: 0.55, metalness: 0.1});
     this.shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.45 * radius, 0.45 * radius, 1, 32), steel);
-    this.grip = new THREE.Mesh(new THREE.CylinderBufferGeometry(1.5 * radius, 1.1 * radius, 1, 32), dark);
-    this.ring = new THREE.Mesh(new THREE.TorusBufferGeometry(1.9 * radius, 0.5 * radius, 20, 56),
+    this.grip = new THREE.Mesh(new THREE.CylinderBufferGeometry(1.5 * this.mark, 1.1 * this.mark, 1, 32), dark);
+    this.ring = new THREE.Mesh(new THREE.TorusBufferGeometry(1.9 * this.mark, 0.5 * this.mark, 20, 56),
       new THREE.MeshStandardMaterial({color: paintOf(RING_COLOURS[number % RING_COLOURS.length]), roughness: 0.45, metalness: 0.1}));
     this.ring.position.copy(this.trocar);
     this.ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), this.out);
     this.head = new THREE.Group(); // its Y is out along the shaft
     this.jaws = [];
-    if (jaws) this.buildJaws(steel, dark);
+    this.body = new THREE.Group(); // the instrument's own frame: X, Y, and Z along the shaft
+    if (this.spheres.length) this.buildShape(steel);
+    else if (jaws) this.buildJaws(steel, dark);
     else this.head.add(new THREE.Mesh(new THREE.SphereBufferGeometry(radius, 40, 28), steel));
-    for (const part of [this.shaft, this.grip, this.ring, this.head]) {
+    for (const part of [this.shaft, this.grip, this.ring, this.head, this.body]) {
       part.traverse((object) => { object.castShadow = true; });
       this.group.add(part);
+    }
+  }
+
+  /* The swept spheres that the controller has of it. */
+  buildShape(steel) {
+    const rod = this.spheres.filter((s) => !s.side).sort((a, b) => a.at.z - b.at.z);
+    sweep(this.body, rod, steel);
+    if (rod.length) {
+      this.hinge = -rod[0].at.z;
+      this.shaft.scale.x = this.shaft.scale.z = rod[0].radius / (0.45 * this.radius);
+    }
+    for (const side of [1, -1]) {
+      const of = this.spheres.filter((s) => s.side === side).sort((a, b) => a.along - b.along);
+      if (!of.length) continue;
+      const jaw = new THREE.Group();
+      jaw.position.copy(of[0].at);
+      jaw.userData.side = side;
+      sweep(jaw, [{at: new THREE.Vector3(), radius: of[0].radius},
+        ...of.map(({along, radius}) => ({at: new THREE.Vector3(0, 0, along), radius}))], steel);
+      this.jaws.push(jaw);
+      this.body.add(jaw);
     }
   }
 
@@ -76,7 +118,7 @@ class Instrument {
   }
 
   buildDots(size, colour, order) {
-    const dot = new THREE.SphereBufferGeometry(size * this.radius, 16, 12), dots = [];
+    const dot = new THREE.SphereBufferGeometry(size * this.mark, 16, 12), dots = [];
     for (let i = 0; i < 16; i++) {
       const mesh = new THREE.Mesh(dot, new THREE.MeshBasicMaterial({color: colour, depthTest: false, transparent: true, opacity: 0.85}));
       mesh.visible = false;
@@ -90,8 +132,8 @@ class Instrument {
   buildForce(colour) {
     const paint = new THREE.MeshStandardMaterial({color: paintOf(colour), emissive: paintOf(colour), emissiveIntensity: 0.35, roughness: 0.6});
     const ghost = new THREE.MeshBasicMaterial({color: colour, depthTest: false, depthWrite: false, transparent: true, opacity: 0.7});
-    const stem = new THREE.CylinderBufferGeometry(0.5 * this.radius, 0.5 * this.radius, 1, 32);
-    const head = new THREE.ConeBufferGeometry(1.4 * this.radius, 3.4 * this.radius, 40);
+    const stem = new THREE.CylinderBufferGeometry(0.5 * this.mark, 0.5 * this.mark, 1, 32);
+    const head = new THREE.ConeBufferGeometry(1.4 * this.mark, 3.4 * this.mark, 40);
     this.arrow = new THREE.Group();
     this.arrowParts = [paint, ghost].map((material) => {
       const parts = {stem: new THREE.Mesh(stem, material), head: new THREE.Mesh(head, material)};
@@ -109,7 +151,7 @@ class Instrument {
     this.arrow.visible = false;
     if (!state) return;
     this.tip.fromArray(state.tip_m);
-    this.move(state.grip);
+    this.move(state.grip, state.roll_rad);
     const place = (dots, points) => dots.forEach((dot, i) => {
       dot.visible = i < points.length;
       if (dot.visible) dot.position.fromArray(points[i]);
@@ -119,7 +161,7 @@ class Instrument {
     this.moveForce(new THREE.Vector3().fromArray(state.force_N), metresPerNewton);
   }
 
-  move(grip) {
+  move(grip, roll) {
     const Y = new THREE.Vector3(0, 1, 0), axis = this.tip.clone().sub(this.trocar);
     const inside = axis.length();
     if (!(inside > 1e-6)) return;
@@ -134,7 +176,13 @@ class Instrument {
     along(this.grip, -outside - handle, handle);
     this.head.position.copy(this.tip);
     this.head.quaternion.setFromUnitVectors(Y, axis.clone().negate());
-    for (const jaw of this.jaws) jaw.rotation.z = jaw.userData.side * JAWS_OPEN * (1 - grip);
+    /* the trocar's X made square to the shaft, turned by the roll */
+    const X = this.axes[0].clone().addScaledVector(axis, -this.axes[0].dot(axis)).normalize(), frame = new THREE.Matrix4();
+    frame.makeBasis(X, axis.clone().cross(X), axis);
+    this.body.position.copy(this.tip);
+    this.body.quaternion.setFromRotationMatrix(frame).multiply(new THREE.Quaternion().setFromAxisAngle(new THREE.Vector3(0, 0, 1), roll));
+    const turned = this.spheres.length ? 'y' : 'z';
+    for (const jaw of this.jaws) jaw.rotation[turned] = jaw.userData.side * this.opening * (1 - grip);
   }
 
   /* From the tip, in the direction in which the tissue pushes the tool. */
@@ -142,7 +190,7 @@ class Instrument {
     const newtons = force.length();
     this.arrow.visible = newtons > 0.02;
     if (!this.arrow.visible) return;
-    const head = 3.4 * this.radius, length = Math.max(head * 1.05, newtons * metresPerNewton);
+    const head = 3.4 * this.mark, length = Math.max(head * 1.05, newtons * metresPerNewton);
     this.arrow.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), force.clone().divideScalar(newtons));
     this.arrow.position.copy(this.tip);
     for (const part of Object.values(this.arrowParts[1])) part.visible = force.dot(this.out) < 0;

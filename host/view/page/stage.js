@@ -17,6 +17,23 @@ function scaleColour(s) {
   return a.map((v, i) => v + t * (b[i] - v));
 }
 
+/* Triangles [i, j, k, outward normal] of the convex hull of a few points: those with all others on one side. None when the points
+ * lie in a plane. */
+function hullFaces(P) {
+  const faces = [];
+  for (let i = 0; i < P.length; i++)
+    for (let j = i + 1; j < P.length; j++)
+      for (let k = j + 1; k < P.length; k++) {
+        const out = P[j].clone().sub(P[i]).cross(P[k].clone().sub(P[i]));
+        if (!(out.length() > 1e-12)) continue;
+        out.normalize();
+        const side = P.map((p) => p.clone().sub(P[i]).dot(out)), high = Math.max(...side), low = Math.min(...side);
+        if (high < 1e-6 && low < -1e-6) faces.push([i, j, k, out]);
+        else if (low > -1e-6 && high > 1e-6) faces.push([i, j, k, out.negate()]);
+      }
+  return faces;
+}
+
 class Stage {
   constructor(canvas) {
     this.canvas = canvas;
@@ -43,7 +60,8 @@ class Stage {
 
     this.hello = hello;
     this.buildOrgan(hello);
-    this.instruments = hello.instruments.map((tool, i) => new Instrument(this.scene, tool, i, hello.jaws));
+    this.buildObstacles(hello);
+    this.instruments = hello.instruments.map((tool, i) => new Instrument(this.scene, tool, i, hello.jaws, 0.035 * this.sphere.radius));
     this.selected = this.instruments[0];
     this.axes = this.selected.axes;
     this.up = this.selected.out;
@@ -75,6 +93,33 @@ class Stage {
     this.scene.add(this.edges);
     this.geometry = geometry;
     this.paint(new Float32Array(hello.rest.length));
+  }
+
+  /* What does not give way: hulls of a few points, swept by a sphere; and the cannulas. */
+  buildObstacles(hello) {
+    const bone = new THREE.MeshStandardMaterial({color: paintOf(0xdcd5c3), roughness: 0.7, metalness: 0, side: THREE.DoubleSide});
+    const [outer, inside] = hello.cannula_m;
+    for (const {radius_m, points} of hello.obstacles) {
+      const group = new THREE.Group(), P = points.map((p) => new THREE.Vector3().fromArray(p)), faces = hullFaces(P);
+      const vertices = faces.flatMap(([i, j, k, out]) => [i, j, k].flatMap((v) => P[v].clone().addScaledVector(out, radius_m).toArray()));
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute('position', new THREE.BufferAttribute(new Float32Array(vertices), 3));
+      geometry.computeVertexNormals();
+      group.add(new THREE.Mesh(geometry, bone));
+      const edges = faces.length ? faces.flatMap(([i, j, k]) => [[i, j], [j, k], [k, i]]) : P.map((_, i) => [Math.max(0, i - 1), i]);
+      if (radius_m > 0) for (const edge of edges) sweep(group, edge.map((v) => ({at: P[v], radius: radius_m})), bone);
+      group.traverse((object) => { object.castShadow = object.receiveShadow = true; });
+      this.scene.add(group);
+    }
+    if (!(outer > 0 && inside > 0)) return;
+    const sleeve = new THREE.MeshStandardMaterial({color: paintOf(0x9fb4c4), roughness: 0.5, transparent: true, opacity: 0.6});
+    for (const tool of hello.instruments) {
+      const axis = new THREE.Vector3(tool.rotation[2], tool.rotation[5], tool.rotation[8]);
+      const pipe = new THREE.Mesh(new THREE.CylinderBufferGeometry(outer, outer, inside, 32, 1, true), sleeve);
+      pipe.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), axis);
+      pipe.position.fromArray(tool.trocar_m).addScaledVector(axis, 0.5 * inside);
+      this.scene.add(pipe);
+    }
   }
 
   buildLights() {
