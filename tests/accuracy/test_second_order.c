@@ -4,6 +4,7 @@
 #include "patch.h"
 #include "refine.h"
 #include "second_order.h"
+#include "second_order_surface.h"
 
 #include <gsl/gsl_multifit.h>
 
@@ -287,6 +288,52 @@ static void it_carries_farther_than_a_polynomial(void **state)
     }
 }
 
+/* Root mean square of T and of what interpolation leaves of it, over the free vertices and some directions. */
+static double left_by(const struct second_order_surface *few, const struct second_order_surface *all)
+{
+    double difference = 0, size = 0;
+    uint64_t seed = 4;
+    for (size_t v = 0; v < all->vertices; v++)
+        for (int k = 0; k < 6; k++) {
+            struct second_order site = {.A = {{0}}};
+            double f[3] = {2 * draw(&seed) - 1, 2 * draw(&seed) - 1, 2 * draw(&seed) - 1}, T[2];
+            memcpy(site.cubic, few->cubic[v], sizeof site.cubic);
+            T[0] = second_order_energy(&site, f);
+            memcpy(site.cubic, all->cubic[v], sizeof site.cubic);
+            T[1] = second_order_energy(&site, f);
+            difference += (T[0] - T[1]) * (T[0] - T[1]);
+            size += T[1] * T[1];
+        }
+    return sqrt(difference / size);
+}
+
+/* Cost is in proportion to the sites: three right-hand sides each and a pass over the elements. */
+static void fewer_sites_leave_more(void **state)
+{
+    (void)state;
+    enum { WAYS = 3 };
+    static const size_t sites[WAYS] = {50, 100, 200};
+    struct specimen s;
+    struct failure why;
+    struct second_order_surface all, few;
+    double last = INFINITY;
+    if (!data(&s, "liver_smooth_412_1336.msh", 0.13))
+        skip();
+    must(second_order_surface_find(s.model, &s.mesh, &s.surface, 0.01, 0, true, &all, &why), &why);
+    print_message("# %zu vertices, %zu solved: the cubic energy of a tool of 10 mm\n", all.vertices, all.solved);
+    for (int k = 0; k < WAYS; k++) {
+        must(second_order_surface_find(s.model, &s.mesh, &s.surface, 0.01, sites[k], true, &few, &why), &why);
+        double left = left_by(&few, &all);
+        print_message("#   %3zu sites, %4zu solves: %.1f %% of it is lost between them\n", few.solved, 3 * few.solved,
+                      100 * left);
+        assert_true(few.solved <= sites[k] && left < last);
+        last = left;
+        second_order_surface_free(&few);
+    }
+    second_order_surface_free(&all);
+    specimen_free(&s);
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -294,6 +341,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_left_is_of_third_order),
         cmocka_unit_test(it_carries_farther_than_a_polynomial),
+        cmocka_unit_test(fewer_sites_leave_more),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
