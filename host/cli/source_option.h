@@ -29,7 +29,7 @@ enum {
     "      --bus NAME       socketcan:IF, slcan:TTY, or soft (the default): the simulated bus of a session\n"          \
     "      --seconds N      end after so long\n"                                                                       \
     "of a simulated session:\n"                                                                                        \
-    "  -g, --gesture G      what the hand does, as for trocar run (default press)\n"                                   \
+    "  -g, --gesture G      what the hand does, as for trocar run (default press); a second one: the other hand\n"     \
     "  -n, --ticks N        so many ticks (default: the whole gesture)\n"                                              \
     "      --device NAME    the instrument\n"                                                                          \
     "      --faults LIST    faults on the bus, as for trocar run; --seed N\n"

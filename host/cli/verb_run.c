@@ -98,7 +98,7 @@ static void help(void)
         "else;\n"
         "                         trocar device puts a simulated instrument there (default: soft, all in this "
         "program)\n"
-        "      --node N           the controller's, with --bus (default 1)\n\n"
+        "      --node N           of the controller's first instrument, with --bus (default 1)\n\n"
         "Exit code 9: the controller ended in the state SAFE, or had not come to RUN in %d ticks; whether a shorter "
         "run\n"
         "came to RUN is not judged.\n",

@@ -34,13 +34,14 @@ static void help(void)
         "Runs the simulated instrument and hand, the controller and the host in real time, and serves a page on\n"
         "127.0.0.1 that shows the organ, the instrument and the force; keys and mouse of the page move the hand.\n"
         "A scene's bank is built first. The address is printed on stdout. Ctrl-C ends it.\n\n"
-        "  -g, --gesture G    what the hand does, over and over: %s, or a file (default press)\n"
+        "  -g, --gesture G    what the hand does, over and over: %s, or a file\n"
+        "                     (default press); a second one is the second instrument's\n"
         "  -n, --ticks N      end after N ticks of 1 ms (default: never)\n"
         "      --port P       of the page; 0 takes any free one (default %d, or any free one)\n"
         "      --device NAME  the instrument (default impulse-engine; known: %s)\n"
         "      --bus BUS      socketcan:IF or slcan:TTY: shows the controller that is out there, which was given this\n"
         "                     bank too; start and stop of the page go to it (default: soft, all in this program)\n"
-        "      --node N       its number, with --bus (default 1)\n",
+        "      --node N       of its first instrument, with --bus (default 1)\n",
         gesture_names(), (int)VIEW_DEFAULT_PORT, device_model_names());
 }
 

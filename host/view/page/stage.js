@@ -17,8 +17,8 @@ function scaleColour(s) {
   return a.map((v, i) => v + t * (b[i] - v));
 }
 
-/* Triangles [i, j, k, outward normal] of the convex hull of a few points: those with all others on one side. None when the points
- * lie in a plane. */
+/* Triangles [i, j, k, outward normal] of the convex hull of a few points: those with all others on one side. Of points in a plane
+ * both sides; of points in a line none. */
 function hullFaces(P) {
   const faces = [];
   for (let i = 0; i < P.length; i++)
@@ -28,8 +28,8 @@ function hullFaces(P) {
         if (!(out.length() > 1e-12)) continue;
         out.normalize();
         const side = P.map((p) => p.clone().sub(P[i]).dot(out)), high = Math.max(...side), low = Math.min(...side);
-        if (high < 1e-6 && low < -1e-6) faces.push([i, j, k, out]);
-        else if (low > -1e-6 && high > 1e-6) faces.push([i, j, k, out.negate()]);
+        if (high < 1e-6) faces.push([i, j, k, out]);
+        if (low > -1e-6) faces.push([i, j, k, out.clone().negate()]);
       }
   return faces;
 }
@@ -108,7 +108,7 @@ class Stage {
       group.add(new THREE.Mesh(geometry, bone));
       const edges = faces.length ? faces.flatMap(([i, j, k]) => [[i, j], [j, k], [k, i]]) : P.map((_, i) => [Math.max(0, i - 1), i]);
       if (radius_m > 0) for (const edge of edges) sweep(group, edge.map((v) => ({at: P[v], radius: radius_m})), bone);
-      group.traverse((object) => { object.castShadow = object.receiveShadow = true; });
+      group.traverse((object) => { object.castShadow = true; });
       this.scene.add(group);
     }
     if (!(outer > 0 && inside > 0)) return;
