@@ -20,9 +20,9 @@ static double sweep(double m, bool slides)
     return 36 * m * (m - 1) + (230 + (slides ? 70 * CONE_SLIDE_STEPS : 0)) * m;
 }
 
-/* Beside the sweeps: the local problems' matrices, what is remembered; with friction an anchor that slides along the surface. */
-#define CONE_POINT  1800.0
-#define SLIDE_POINT 3000.0
+/* Beside the sweeps: anchors that slide or are measured (points that do are not swept far), the local problems' matrices, what is
+ * remembered. */
+#define CONE_POINT 1800.0
 
 /* Of the modes: their shapes at each contact, twice; what they take from every pair; the test whether what is left is definite,
  * which may be made twice (firmware/effects/swing.c). */
@@ -92,8 +92,7 @@ double worst_tick(const struct bank_contact *contact, struct worst_effects effec
     double product = max_blocks * (double)(2 * ROW_CACHE_STEP_WORK + ROW_CACHE_DOT_WORK);
     double overshoot = fmax(ROW_CACHE_PORTION * block, product);
     double pair = max_blocks ? WORST_TICK_PAIR : WORST_TICK_PAIR_PLAIN;
-    double point = WORST_TICK_POINT + (max_blocks ? WORST_TICK_ROWS : 0) + (effects.slides ? SLIDE_POINT : 0) +
-                   (effects.spheres ? WORST_TICK_SPHERE : 0);
+    double point = WORST_TICK_POINT + (max_blocks ? WORST_TICK_ROWS : 0) + (effects.spheres ? WORST_TICK_SPHERE : 0);
     double solver = effects.sweeps ? CONE_POINT * m + effects.sweeps * sweep(m, effects.slides)
                                    : steps * solver_step(m + effects.rigid_contacts);
     solver += swing(effects.modes, m) + viscoelastic(effects.branches, m) + corrected(effects.corrected, m) +

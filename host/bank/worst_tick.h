@@ -31,7 +31,7 @@
 #define WORST_TICK_BASE       12000.0
 #define WORST_TICK_SECOND     5000.0
 #define WORST_TICK_POINT      7200.0
-#define WORST_TICK_ROWS       4000.0
+#define WORST_TICK_ROWS       3000.0
 #define WORST_TICK_SPHERE     4000.0 /* the nearest place of the surface to its centre, and the lever */
 #define WORST_TICK_PAIR       1100.0 /* of contacts that share no vertex, blocks in the table of products */
 #define WORST_TICK_PAIR_PLAIN 2060.0 /* blocks read in place */
