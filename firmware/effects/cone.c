@@ -19,6 +19,20 @@ void cone_frame(struct cone_contact *c, const float normal[3])
     real_cross(n, t, c->frame[2]);
 }
 
+IF_RIGID(static void ask_rigid(struct cone *k, const struct contact_set *set) {
+    k->system.rigid = contact_all(set) - set->count;
+    for (uint32_t i = 0; i < k->system.rigid; i++) { /* bound: CONTACT_MAX */
+        const struct contact *from = &set->contact[set->count + i];
+        struct cone_rigid *to = &k->system.hard[i];
+        to->pad_m_N = from->pad_m_N;
+        to->depth_m = from->depth_m;
+        to->force_N = k->hard_N[from->point - CONTACT_MAX];
+        for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+            for (int a = 0; a < 3; a++)              /* bound: 3 */
+                to->pull[t][a] = from->pull[t][a];
+    }
+})
+
 void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_contact *b)
 {
     struct cone_system *s = &k->system;
@@ -39,6 +53,7 @@ void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_c
             to->force_N[a] = last->force_N[a];
         }
     }
+    IF_RIGID(ask_rigid(k, set);)
 }
 
 /* The local problem of a contact from its diagonal block. */
@@ -161,6 +176,34 @@ static void remainder_of(const struct cone_system *s, const float (*block)[9], u
     out[2] = z;
 }
 
+IF_RIGID(static void push_rigid(struct cone *k, struct contact_set *set) {
+    for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
+        k->hard_N[i] = 0.0f;
+    for (uint32_t i = 0; i < k->system.rigid; i++) { /* bound: CONTACT_MAX */
+        struct contact *to = &set->contact[set->count + i];
+        to->pressure_N = k->hard_N[to->point - CONTACT_MAX] = k->system.hard[i].force_N;
+    }
+})
+
+/* One sweep over the rigid contacts. Squares of what moved, and of the forces. */
+IF_RIGID(static void sweep_rigid(struct cone_system *s, float *moved, float *largest) {
+    for (uint32_t i = 0; i < s->rigid; i++) { /* bound: CONTACT_MAX */
+        struct cone_rigid *r = &s->hard[i];
+        float own = r->pad_m_N, left = r->pad_m_N * r->force_N - r->depth_m;
+        for (uint32_t t = 0; t < CONTACT_TOOLS; t++) { /* bound: CONTACT_TOOLS */
+            own += s->softness_m_N * real_dot(r->pull[t], r->pull[t]);
+            left += s->softness_m_N * real_dot(r->pull[t], s->tool_N[t]);
+        }
+        float force = r->force_N - left / own, change = (force > 0.0f ? force : 0.0f) - r->force_N;
+        r->force_N += change;
+        *moved += change * change;
+        *largest += r->force_N * r->force_N;
+        for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+            for (int a = 0; a < 3; a++)              /* bound: 3 */
+                s->tool_N[t][a] += change * r->pull[t][a];
+    }
+})
+
 /* Anew in every sweep, so that rounding does not add up. */
 static void sum_on_tools(struct cone_system *s)
 {
@@ -169,6 +212,10 @@ static void sum_on_tools(struct cone_system *s)
     for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
         for (int a = 0; a < 3; a++)         /* bound: 3 */
             s->tool_N[s->contact[c].tool][a] += s->contact[c].force_N[a];
+    IF_RIGID(for (uint32_t i = 0; i < s->rigid; i++)      /* bound: CONTACT_MAX */
+             for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
+             for (int a = 0; a < 3; a++)                  /* bound: 3 */
+             s->tool_N[t][a] += s->hard[i].force_N * s->hard[i].pull[t][a];)
 }
 
 bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
@@ -198,6 +245,7 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
                 s->tool_N[k->tool][a] += change;
             }
         }
+        IF_RIGID(sweep_rigid(s, &moved, &largest);)
         rest = moved <= CONE_TOLERANCE * CONE_TOLERANCE * largest;
     }
     sum_on_tools(s);
@@ -230,6 +278,7 @@ void cone_push(struct cone *k, struct contact_set *set, const struct bank_contac
     for (uint32_t i = 0; i < CONTACT_MAX; i++) /* bound: CONTACT_MAX */
         if (!(seen >> i & 1u))
             k->point[i] = (struct cone_point){.slip_m_N = 0.0f};
+    IF_RIGID(push_rigid(k, set);)
     contact_displace(set, b);
 }
 

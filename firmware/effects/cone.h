@@ -43,8 +43,13 @@ struct cone_contact {
     float local[6], inverse[6], schur[3]; /* 00 01 02 11 12 22; 11 12 22 */
 };
 
+/* A contact with what does not give way (rigid.h), frictionless: its force p along the pulls is another unknown,
+ *   p >= 0, r = sum_t pull_t . (force on tool t) / k + pad p - depth >= 0, p r = 0,   solved for p in its turn. */
+IF_RIGID(struct cone_rigid { float pull[CONTACT_TOOLS][3], pad_m_N, depth_m, force_N; };)
+
 struct cone_system {
     uint32_t count;
+    IF_RIGID(uint32_t rigid; struct cone_rigid hard[CONTACT_MAX];)
     float softness_m_N;             /* 1 / k */
     float tool_N[CONTACT_TOOLS][3]; /* sum of f_c on each tool */
     struct cone_contact contact[CONTACT_MAX];
@@ -58,6 +63,7 @@ struct cone {
         float force_N[3]; /* of the last tick: where the solver starts */
         float slip_m_N;
     } point[CONTACT_MAX];
+    IF_RIGID(float hard_N[CONTACT_MAX];) /* the same of the rigid contacts, by their places (contact.point) */
 };
 
 /* The contacts of `set`, in its order, whose blocks are assembled, as they are without an effect: without friction, d = depth n. What

@@ -101,6 +101,7 @@ static inline bool effects_push(struct controller *c, const struct bank_view *ba
     IF_VISCOELASTIC(if (bank->viscoelastic) {
         viscoelastic_ask(&c->viscoelastic, bank, &c->contact, &c->collide, c->tick_count);
         contact = &c->viscoelastic.contact;
+        IF_RIGID(rigid_stiffen(&c->contact, c->viscoelastic.step.total);)
     })
     bool done = effects_push_cone(c, bank, contact);
     IF_VISCOELASTIC(if (bank->viscoelastic) {

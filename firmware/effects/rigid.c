@@ -65,8 +65,8 @@ int rigid_open(struct bank_view *view)
     const struct bank_obstacle *obstacle = (const void *)(b + 1);
     if (section->count > BANK_MAX_OBSTACLES || section->length != sizeof *b + section->count * sizeof *obstacle)
         return STATUS_BANK_LENGTH;
-    const uint32_t together = EFFECT_RIGID | EFFECT_SECOND | EFFECT_SHAPE | EFFECT_SWING | EFFECT_VISCOELASTIC;
-    bool good = b->obstacles == section->count && !(view->header->effects & ~together) && b->reserved[0] == 0 &&
+    const uint32_t apart = EFFECT_NEO_HOOKEAN | EFFECT_QUASI_NONLINEAR;
+    bool good = b->obstacles == section->count && !(view->header->effects & apart) && b->reserved[0] == 0 &&
                 b->reserved[1] == 0 && b->reserved[2] == 0;
     for (uint32_t t = 0; t < BANK_MAX_INSTRUMENTS; t++) /* bound: BANK_MAX_INSTRUMENTS */
         good = good && within(b->shaft_radius_m[t], BANK_MIN_SHAFT_M, 1.0f);
@@ -291,6 +291,14 @@ void rigid_respond(struct rigid *r, const struct bank_view *bank, struct contact
         each_other(r, body, &best);
         add(set, bank, &best, number);
     })
+}
+
+void rigid_stiffen(struct contact_set *set, float stiffening)
+{
+    for (uint32_t c = set->count; c < contact_all(set); c++) { /* bound: CONTACT_MAX */
+        set->contact[c].depth_m *= stiffening;
+        set->contact[c].pad_m_N *= stiffening;
+    }
 }
 
 void rigid_follow(struct rigid *r, const struct contact_set *set, const struct kinematics *const pose[CONTACT_TOOLS])

@@ -65,6 +65,9 @@ float rigid_stop(const struct bank_view *bank, uint32_t tool);
 /* The stages of hooks.h. `pose`: of each instrument, NULL when it is not known. */
 void rigid_respond(struct rigid *r, const struct bank_view *bank, struct contact_set *set,
                    const struct kinematics *const pose[CONTACT_TOOLS]);
+/* Where the whole system is scaled, couplings and all, as for visco-elastic tissue: depths and what gives way of the rigid contacts,
+ * which have no memory. */
+void rigid_stiffen(struct contact_set *set, float stiffening);
 void rigid_follow(struct rigid *r, const struct contact_set *set, const struct kinematics *const pose[CONTACT_TOOLS]);
 void rigid_forget(struct rigid *r, uint32_t tool);
 

@@ -155,10 +155,6 @@ void viscoelastic_deepen(const struct viscoelastic *v, struct contact_set *set)
         at->depth_m = v->step.total * at->depth_m - real_dot(at->normal, v->memory_m[c]);
         at->pad_m_N *= v->step.total;
     }
-    IF_RIGID(for (uint32_t c = set->count; c < contact_all(set); c++) { /* bound: CONTACT_MAX; they remember nothing */
-                                                                        set->contact[c].depth_m *= v->step.total;
-                                                                        set->contact[c].pad_m_N *= v->step.total;
-    })
 }
 
 void viscoelastic_want(const struct viscoelastic *v, uint32_t c, float wanted_m[3])

@@ -56,7 +56,7 @@ static double rigid(const struct worst_effects *e)
 {
     double steps = 2 * CONVEX_STEPS;
     return e->rigid_pairs * (steps * WORST_TICK_CLOSEST + 500) + e->rigid_points * steps * WORST_TICK_SUPPORT +
-           300 * e->rigid_contacts;
+           (300 + 80 * e->sweeps) * e->rigid_contacts;
 }
 
 struct worst_effects worst_tick_effects(const struct scene *scene)

@@ -43,6 +43,7 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
     }
     for (uint32_t c = set->count; c < contact_all(set); c++) {
         memcpy(sample->contact[c].pull, set->contact[c].pull, sizeof sample->contact[c].pull);
+        memcpy(sample->contact[c].normal, set->contact[c].normal, sizeof sample->contact[c].normal);
         sample->contact[c].depth_m = set->contact[c].depth_m;
         sample->contact[c].pad_m_N = set->contact[c].pad_m_N;
     }
@@ -116,44 +117,83 @@ static double pad(const struct bank_view *bank, double own_m_N)
     return (double)bank->contact->regularisation_m_N * fmax(1, own_m_N / (double)bank->contact->typical_compliance_m_N);
 }
 
+/* What does not give way answers to a hundredth of what tissue does, and fem_cone looks for forces with one step for all: these are
+ * counted in units of so many newtons. */
+#define RIGID_SCALE 16.0
+
+/* Component a of the force on tool t under a unit force along axis b at a contact: with the tissue of three components, with what
+ * does not give way along its normal only. */
+static double on_tool(const struct fem_sample *sample, uint32_t c, uint32_t t, int a, int b)
+{
+    if (c < sample->count)
+        return sample->contact[c].tool == t && a == b;
+    return RIGID_SCALE * (double)sample->contact[c].pull[t][a] * (double)sample->contact[c].normal[b];
+}
+
+/* The compliance of the tissue between its contacts along the axes, then of paddings and couplings among all. */
+static int system_of_axes(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
+                          double *A, struct failure *why)
+{
+    uint32_t m = 3 * sample->count, size = m + 3 * sample->rigid, vertex[9 * CONTACT_MAX];
+    double weight[9 * CONTACT_MAX], axis[9 * CONTACT_MAX] = {0};
+    for (uint32_t i = 0; i < m; i++) {
+        axis[3 * i + i % 3] = 1;
+        for (int k = 0; k < 3; k++) {
+            vertex[3 * i + k] = body->surface.triangles[3 * sample->contact[i / 3].triangle + k];
+            weight[3 * i + k] = (double)sample->contact[i / 3].weights[k];
+        }
+    }
+    int status = model_constrained(body->model, m, vertex, weight, axis, 0, NULL, NULL, A, why);
+    if (status)
+        return status;
+    for (uint32_t i = size; i-- > 0;) /* from m to size columns, in place, from behind */
+        for (uint32_t j = size; j-- > 0;)
+            A[size * i + j] = i < m && j < m ? A[m * i + j] : 0;
+    double softness = sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
+    for (uint32_t c = 0; c < size / 3; c++) { /* epsilon_c; across a rigid one's normal, where it has no force, any */
+        const float *n = sample->contact[c].normal;
+        double own = 0;
+        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
+            own += A[size * i + i] / 3;
+        bool rigid = c >= sample->count;
+        double epsilon = rigid ? RIGID_SCALE * RIGID_SCALE * softness : sample->stiffening * pad(bank, own);
+        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
+            for (uint32_t j = 3 * c; j < 3 * c + 3; j++)
+                A[size * i + j] += (i == j) * epsilon +
+                                   rigid * (RIGID_SCALE * RIGID_SCALE * (double)sample->contact[c].pad_m_N - epsilon) *
+                                       (double)n[i % 3] * (double)n[j % 3];
+    }
+    for (uint32_t i = 0; i < size; i++)
+        for (uint32_t j = 0; j < size; j++)
+            for (uint32_t k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
+                A[size * i + j] += softness * on_tool(sample, i / 3, k / 3, k % 3, i % 3) *
+                                   on_tool(sample, j / 3, k / 3, k % 3, j % 3);
+    return STATUS_OK;
+}
+
 /* The same with friction: each contact is constrained along the three axes. */
 static int fem_force_friction(const struct bank_view *bank, const struct body *body, const struct fem_sample *sample,
                               double force_N[BANK_MAX_INSTRUMENTS][3], struct failure *why)
 {
-    enum { UNKNOWNS = 3 * CONTACT_MAX };
-    uint32_t m = sample->count, size = 3 * m, vertex[3 * UNKNOWNS] = {0};
-    double weight[3 * UNKNOWNS] = {0}, axis[3 * UNKNOWNS] = {0}, d[UNKNOWNS], n[UNKNOWNS], f[UNKNOWNS];
-    double mu[CONTACT_MAX];
+    uint32_t all = sample->count + sample->rigid, size = 3 * all;
+    double d[3 * CONTACT_MAX], n[3 * CONTACT_MAX], f[3 * CONTACT_MAX], mu[CONTACT_MAX];
     double *A = malloc((size_t)size * size * sizeof *A);
     if (!A)
-        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for %u contacts", m);
+        return failure_set(why, STATUS_MEMORY, NULL, NULL, "no memory for %u contacts", all);
     for (uint32_t i = 0; i < size; i++) {
         uint32_t c = i / 3;
-        d[i] = (double)sample->contact[c].wanted_m[i % 3];
+        bool rigid = c >= sample->count;
         n[i] = (double)sample->contact[c].normal[i % 3];
-        mu[c] = sample->contact[c].mu;
-        axis[3 * i + i % 3] = 1;
-        for (int k = 0; k < 3; k++) {
-            vertex[3 * i + k] = body->surface.triangles[3 * sample->contact[c].triangle + k];
-            weight[3 * i + k] = (double)sample->contact[c].weights[k];
-        }
+        d[i] = rigid ? RIGID_SCALE * (double)sample->contact[c].depth_m * n[i]
+                     : (double)sample->contact[c].wanted_m[i % 3];
+        mu[c] = rigid ? 0 : sample->contact[c].mu;
     }
-    int status = model_constrained(body->model, size, vertex, weight, axis, 0, NULL, NULL, A, why);
-    for (uint32_t c = 0; c < m && !status; c++) { /* epsilon_c, then the coupling */
-        double own = 0;
-        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
-            own += A[size * i + i] / 3;
-        for (uint32_t i = 3 * c; i < 3 * c + 3; i++)
-            A[size * i + i] += sample->stiffening * pad(bank, own);
-    }
-    for (uint32_t i = 0; i < size && !status; i++)
-        for (uint32_t j = i % 3; j < size; j += 3)
-            if (sample->contact[i / 3].tool == sample->contact[j / 3].tool)
-                A[size * i + j] += sample->stiffening / (double)bank->contact->coupling_stiffness_N_m;
+    int status = system_of_axes(bank, body, sample, A, why);
     if (!status)
-        status = fem_cone(m, A, d, n, mu, f, why);
+        status = fem_cone(all, A, d, n, mu, f, why);
     for (uint32_t i = 0; i < size && !status; i++)
-        force_N[sample->contact[i / 3].tool][i % 3] += f[i];
+        for (uint32_t k = 0; k < 3 * BANK_MAX_INSTRUMENTS; k++)
+            force_N[k / 3][k % 3] += on_tool(sample, i / 3, k / 3, k % 3, i % 3) * f[i];
     free(A);
     return status;
 }

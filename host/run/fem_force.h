@@ -39,7 +39,7 @@ struct fem_sample {
         float pull[BANK_MAX_INSTRUMENTS][3];
         float wanted_m[3]; /* with a cone_system, */
         double mu;         /* the same; below 0: held */
-        float pad_m_N;     /* of a rigid one, of which also depth_m and pull are known */
+        float pad_m_N;     /* of a rigid one, of which also normal, depth_m and pull are known */
     } contact[CONTACT_MAX];
     bool friction;
     double stiffening;                      /* C of viscoelastic.h, then depth_m is C d + m; 1 without that effect */

@@ -56,7 +56,8 @@ def main():
         tap.check("a rib beside the shaft stops a slide", free["peak_force_N"] < 1 and held["peak_force_N"] > 2,
                   (free["peak_force_N"], held["peak_force_N"]))
         tap.check("and finite elements agree to 0.1 %", held["force_error_vs_fem"] < 1e-3 and held["peak_fem_force_N"] > 2, held)
-        for effect in ("viscoelastic: {prony: [[0.5, 0.1 s]]}", "swing: {modes: 2}", "shape: {jaws: {}}"):
+        for effect in ("viscoelastic: {prony: [[0.5, 0.1 s]]}", "swing: {modes: 2}", "shape: {jaws: {}}", "friction: {mu: 0.3, sweeps: 20}",
+                       "grasp: {sweeps: 20}"):
             name = effect.split(":")[0]
             both = run(folder, "demo", "{rigid: {shaft: 5 mm, obstacles: [%s]}, %s}" % (RIB, effect), name, "--gesture", "slide")
             tap.check("with %s too" % name, both["force_error_vs_fem"] is not None and both["force_error_vs_fem"] < 1e-3

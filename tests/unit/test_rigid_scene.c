@@ -85,7 +85,7 @@ static void what_cannot_be_is_refused_with_its_line(void **state)
         {"{obstacles: [{name: a, hull: [[1, 0, 0]]}, {name: b, hull: [[2, 0, 0]]}]}",
          "  - {name: left, trocar: {at: [0.05, 0, 0.2], axis: [0, 0, -1]}}\n", STATUS_SCENE_VALUE,
          "13 points of the tips and 5 rigid contacts: 16 in all"},
-        {"{}, friction: {mu: 0.2}", "", STATUS_SCENE_VALUE, "do not go together"},
+        {"{obstacles: [{name: a, hull: [[1, 0, 0]]}]}, neo_hookean: {}", "", STATUS_SCENE_VALUE, "do not go together"},
         {"{bones: []}", "", STATUS_SCENE_KEY, "bones"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
