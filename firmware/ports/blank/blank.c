@@ -19,7 +19,8 @@ uint64_t hal_wait_us(uint64_t until_us)
     return time_us;
 }
 
-/* The oldest frame of the receive FIFO that the acceptance filter lets through: Encoders of this node, and NMT. */
+/* The oldest frame of the receive FIFO that the acceptance filter lets through: Encoders of this node (and, of two
+ * instruments, the next), and NMT. */
 bool hal_can_receive(struct can_frame_t *frame)
 {
     (void)frame;

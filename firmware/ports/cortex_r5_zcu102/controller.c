@@ -10,6 +10,7 @@
 #include "ports/arm/semihosting.h"
 #include "ports/arm/start.h"
 #include "status.h"
+#include "tick.h"
 #include "wire.h"
 
 enum { NODE = 1, CAN_REF_CLK_Hz = 100000000, BIT_RATE = 1000000 };
@@ -97,8 +98,8 @@ int controller_main(void)
     static const struct xilinx_can_settings settings = {
         .clock_Hz = CAN_REF_CLK_Hz,
         .bit_rate = BIT_RATE,
-        .filters = 2,
-        .filter = {{WIRE_ENCODERS_ID + NODE, 0x7FF}, {WIRE_NMT_ID, 0x7FF}},
+        .filters = 1 + TICK_INSTRUMENTS,
+        .filter = {{WIRE_NMT_ID, 0x7FF}, {WIRE_ENCODERS_ID + NODE, 0x7FF}, {WIRE_ENCODERS_ID + NODE + 1, 0x7FF}},
     };
     if (!xilinx_can_start(&can, &zcu102_can0, &settings)) {
         semihosting_print("controller: the CAN controller does not start\n");

@@ -5,6 +5,7 @@
 #include "hal.h"
 #include "loop.h"
 #include "ports/arm/start.h"
+#include "tick.h"
 #include "wire.h"
 
 enum { NODE = 1, BIT_RATE = 1000000 };
@@ -80,8 +81,8 @@ int controller_main(void)
     static const struct fdcan_settings settings = {
         .clock_Hz = BOARD_FDCAN_Hz,
         .bit_rate = BIT_RATE,
-        .filters = 2,
-        .filter = {{WIRE_ENCODERS_ID + NODE, 0x7FF}, {WIRE_NMT_ID, 0x7FF}},
+        .filters = 1 + TICK_INSTRUMENTS,
+        .filter = {{WIRE_NMT_ID, 0x7FF}, {WIRE_ENCODERS_ID + NODE, 0x7FF}, {WIRE_ENCODERS_ID + NODE + 1, 0x7FF}},
     };
     if (!board_start() || !fdcan_start(&can, &stm32h743_fdcan1, &stm32h743_can_memory, &settings))
         return 11;
