@@ -34,12 +34,14 @@ static bool tools_add(struct tools *t, const struct patch *patch)
     size_t entries = t->start[t->rows.count];
     if (entries + 3 * patch->count > t->room) {
         size_t room = 2 * (entries + 3 * patch->count);
-        uint32_t *vertex = realloc(t->vertex, room * sizeof *vertex);
-        t->vertex = vertex ? vertex : t->vertex;
-        double *weight = realloc(t->weight, room * sizeof *weight);
-        t->weight = weight ? weight : t->weight;
-        if (!vertex || !weight)
+        void *larger = realloc(t->vertex, room * sizeof *t->vertex);
+        if (!larger)
             return false;
+        t->vertex = larger;
+        larger = realloc(t->weight, room * sizeof *t->weight);
+        if (!larger)
+            return false;
+        t->weight = larger;
         t->room = room;
     }
     for (size_t a = 0; a < 3; a++) {

@@ -5,7 +5,8 @@ Flash and memory: the Cortex-M7's image of a scene that names the effect, less t
 section and the section's entry. Instructions: of a tick in contact with its rows at hand (node_finish_tick, counted by QEMU),
 with ten points on the tip of the demo's instrument, pressing and sliding; in brackets without the effect. Changes: the largest
 difference that the effect makes to a torque on the recording of a slide, in parts of the largest torque. Error: the controller's
-force against full finite elements under the same law (trocar run), in parts of the largest force.
+force against full finite elements under the same law (trocar run; of neo_hookean and quasi_nonlinear the linear force that they correct), in
+parts of the largest force.
 """
 
 import json
