@@ -21,6 +21,7 @@ struct rigid_rig {
     struct bank_view bank;
     struct controller c;
     uint8_t sequence;
+    bool silent[2]; /* its samples do not come */
     double joint[2][3];
 };
 
@@ -101,7 +102,7 @@ static inline void rig_tick(struct rigid_rig *r)
     struct tick_output out[TICK_INSTRUMENTS];
     for (unsigned t = 0; t < r->bank.tool_count; t++) {
         const struct bank_axis *axis = r->bank.tools[t].axis;
-        in[t].fresh = true;
+        in[t].fresh = !r->silent[t];
         in[t].sequence = r->sequence & 15;
         for (int i = 0; i < 3; i++)
             in[t].counts[i] = (uint16_t)(axis[i].count_zero +

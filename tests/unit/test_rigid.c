@@ -419,6 +419,41 @@ static void a_cannula_passes_on_only_what_turns_it(void **state)
     rig_close(&r);
 }
 
+/* An instrument of which nothing is heard stays where it was, then is forgotten; heard again, it is there again. */
+static void a_silent_instrument_is_there_until_it_is_forgotten(void **state)
+{
+    (void)state;
+    struct rigid_rig r;
+    struct rigid_section section = rig_section();
+    struct bank_tool tool[2];
+    double pressed[3], f[3];
+    crossing(tool, 0.004); /* nearer than both radii */
+    rig_open(&r, 2, tool, &section);
+    r.joint[0][2] = r.joint[1][2] = 0.13;
+    for (int i = 0; i < 50; i++)
+        rig_tick(&r);
+    rig_force(&r, 0, pressed);
+    assert_true(rig_length(pressed) > 0.1);
+    r.silent[1] = true;
+    for (unsigned i = 1; i < SAFETY_STALE_TICKS; i++) {
+        rig_tick(&r);
+        rig_force(&r, 0, f);
+        for (int k = 0; k < 3; k++)
+            assert_true(fabs(f[k] - pressed[k]) < 1e-3 * rig_length(pressed));
+    }
+    rig_tick(&r);
+    rig_force(&r, 0, f);
+    assert_true(rig_length(f) == 0);
+    r.silent[1] = false;
+    for (int i = 0; i < 50; i++)
+        rig_tick(&r);
+    rig_force(&r, 0, f);
+    printf("# %.3f %.3f %.3f N, before %.3f %.3f %.3f N\n", f[0], f[1], f[2], pressed[0], pressed[1], pressed[2]);
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs(f[k] - pressed[k]) < 1e-2 * rig_length(pressed));
+    rig_close(&r);
+}
+
 int main(void)
 {
     cmocka_set_message_output(CM_OUTPUT_TAP);
@@ -429,6 +464,7 @@ int main(void)
         cmocka_unit_test(no_speed_tunnels),
         cmocka_unit_test(a_shaft_slips_off_an_end),
         cmocka_unit_test(the_rim_stops_a_thick_tip),
+        cmocka_unit_test(a_silent_instrument_is_there_until_it_is_forgotten),
         cmocka_unit_test(a_cannula_passes_on_only_what_turns_it),
     };
     return cmocka_run_group_tests_name("rigid", tests, NULL, NULL);
