@@ -58,7 +58,7 @@ static void find_contacts(struct controller *c, const struct bank_view *bank)
     for (uint32_t t = 0; t < tick_instruments(c); t++) /* bound: TICK_INSTRUMENTS */
         if (c->instrument[t].present)
             collide_update(&c->collide, bank, t, bank->tools[t].trocar_m,
-                           (const float(*)[3]) & points_m[c->collide.tool[t].first]);
+                           (const float(*)[3])(points_m + c->collide.tool[t].first));
     effects_touch(c, bank);
 }
 
