@@ -37,6 +37,7 @@ void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_c
 {
     struct cone_system *s = &k->system;
     s->count = set->count;
+    IF_SHAPE(s->levers = false;)
     s->softness_m_N = 1.0f / b->coupling_stiffness_N_m;
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *at = &set->contact[c];
@@ -57,14 +58,21 @@ void cone_ask(struct cone *k, const struct contact_set *set, const struct bank_c
 }
 
 /* The local problem of a contact from its diagonal block. */
-static void prepare(struct cone_contact *c, const float block[9], float softness_m_N)
+static void prepare(const struct cone_system *s, struct cone_contact *c, const float block[9])
 {
-    float *L = c->local, *V = c->inverse, give = softness_m_N + c->pad_m_N;
+    float *L = c->local, *V = c->inverse, give = s->softness_m_N + c->pad_m_N;
     int at = 0;
     for (int a = 0; a < 3; a++) { /* bound: 3 */
         float column[3];
         for (int i = 0; i < 3; i++) /* bound: 3 */
             column[i] = real_dot(&block[3 * i], c->frame[a]) + give * c->frame[a][i];
+        IF_SHAPE(if (s->levers) {
+            float tip[3], moved[3];
+            cone_at_tip(s, c, c->frame[a], tip);
+            cone_at_contact(s, c, tip, moved);
+            for (int i = 0; i < 3; i++) /* bound: 3 */
+                column[i] += s->softness_m_N * (moved[i] - c->frame[a][i]);
+        })
         for (int b = a; b < 3; b++) /* bound: 3 */
             L[at++] = real_dot(c->frame[b], column);
     }
@@ -151,8 +159,12 @@ static void remainder_of(const struct cone_system *s, const float (*block)[9], u
     const struct cone_contact *k = &s->contact[c];
     const float *all = s->tool_N[k->tool];
     const float give = s->softness_m_N;
-    float x = k->wanted_m[0] - give * (all[0] - k->force_N[0]), y = k->wanted_m[1] - give * (all[1] - k->force_N[1]);
-    float z = k->wanted_m[2] - give * (all[2] - k->force_N[2]);
+    float own[3], rest[3], moved[3];
+    cone_at_tip(s, k, k->force_N, own);
+    real_subtract(all, own, rest);
+    cone_at_contact(s, k, rest, moved);
+    float x = k->wanted_m[0] - give * moved[0], y = k->wanted_m[1] - give * moved[1];
+    float z = k->wanted_m[2] - give * moved[2];
     const float *B = block[contact_pair(c, 0)];
     for (uint32_t d = 0; d < c; d++, B += 9) { /* bound: CONTACT_MAX */
         if (s->contact[d].state == CONE_OPEN)
@@ -209,9 +221,12 @@ static void sum_on_tools(struct cone_system *s)
 {
     for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
         s->tool_N[t][0] = s->tool_N[t][1] = s->tool_N[t][2] = 0.0f;
-    for (uint32_t c = 0; c < s->count; c++) /* bound: CONTACT_MAX */
-        for (int a = 0; a < 3; a++)         /* bound: 3 */
-            s->tool_N[s->contact[c].tool][a] += s->contact[c].force_N[a];
+    for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
+        float tip[3];
+        cone_at_tip(s, &s->contact[c], s->contact[c].force_N, tip);
+        for (int a = 0; a < 3; a++) /* bound: 3 */
+            s->tool_N[s->contact[c].tool][a] += tip[a];
+    }
     IF_RIGID(for (uint32_t i = 0; i < s->rigid; i++)      /* bound: CONTACT_MAX */
              for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
              for (int a = 0; a < 3; a++)                  /* bound: 3 */
@@ -223,7 +238,7 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
     bool rest = false;
     for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
         struct cone_contact *k = &s->contact[c];
-        prepare(k, block[contact_pair(c, c)], s->softness_m_N);
+        prepare(s, k, block[contact_pair(c, c)]);
         k->state = CONE_SLIDE; /* so that slip_m_N serves as the first guess, and the force counts */
     }
     for (s->sweeps = 0; s->sweeps < sweeps && !rest; s->sweeps++) { /* bound: BANK_MAX_SWEEPS */
@@ -231,7 +246,7 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
         sum_on_tools(s);
         for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
             struct cone_contact *k = &s->contact[c];
-            float left[3], q[3], f[3];
+            float left[3], q[3], f[3], changes[3], tip[3];
             remainder_of(s, block, c, left);
             for (int a = 0; a < 3; a++) /* bound: 3 */
                 q[a] = real_dot(k->frame[a], left);
@@ -242,8 +257,11 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
                 moved += change * change;
                 largest += force * force;
                 k->force_N[a] = force;
-                s->tool_N[k->tool][a] += change;
+                changes[a] = change;
             }
+            cone_at_tip(s, k, changes, tip);
+            for (int a = 0; a < 3; a++) /* bound: 3 */
+                s->tool_N[k->tool][a] += tip[a];
         }
         IF_RIGID(sweep_rigid(s, &moved, &largest);)
         rest = moved <= CONE_TOLERANCE * CONE_TOLERANCE * largest;

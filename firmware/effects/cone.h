@@ -39,6 +39,8 @@ struct cone_contact {
     float force_N[3];  /* f, world; in: where to start; out: the answer */
     enum cone_state state;
     float slip_m_N; /* of a contact that slides */
+    /* with `levers` of the system: the force at the tip that is equal in virtual work to a unit force along each axis */
+    IF_SHAPE(float lever[3][3];)
     /* of the local problem; 0 normal, 1 and 2 tangential: A_cc, its inverse, and its Schur complement on 1, 2 */
     float local[6], inverse[6], schur[3]; /* 00 01 02 11 12 22; 11 12 22 */
 };
@@ -50,6 +52,7 @@ IF_RIGID(struct cone_rigid { float pull[CONTACT_TOOLS][3], pad_m_N, depth_m, for
 struct cone_system {
     uint32_t count;
     IF_RIGID(uint32_t rigid; struct cone_rigid hard[CONTACT_MAX];)
+    IF_SHAPE(bool levers;)          /* else forces act at the tip */
     float softness_m_N;             /* 1 / k */
     float tool_N[CONTACT_TOOLS][3]; /* sum of f_c on each tool */
     struct cone_contact contact[CONTACT_MAX];
@@ -65,6 +68,27 @@ struct cone {
     } point[CONTACT_MAX];
     IF_RIGID(float hard_N[CONTACT_MAX];) /* the same of the rigid contacts, by their places (contact.point) */
 };
+
+/* What a force on a contact is at the tip of its tool, and how far the contact gives way when the tip does. */
+static inline void cone_at_tip(const struct cone_system *s, const struct cone_contact *c, const float force_N[3],
+                               float tip_N[3])
+{
+    (void)s, (void)c;
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        tip_N[a] = force_N[a];
+    IF_SHAPE(for (int a = 0; a < 3 && s->levers; a++) /* bound: 3 */
+             tip_N[a] = c->lever[0][a] * force_N[0] + c->lever[1][a] * force_N[1] + c->lever[2][a] * force_N[2];)
+}
+
+static inline void cone_at_contact(const struct cone_system *s, const struct cone_contact *c, const float tip_m[3],
+                                   float out_m[3])
+{
+    (void)s, (void)c;
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        out_m[a] = tip_m[a];
+    IF_SHAPE(for (int a = 0; a < 3 && s->levers; a++) /* bound: 3 */
+             out_m[a] = c->lever[a][0] * tip_m[0] + c->lever[a][1] * tip_m[1] + c->lever[a][2] * tip_m[2];)
+}
 
 /* The contacts of `set`, in its order, whose blocks are assembled, as they are without an effect: without friction, d = depth n. What
  * an effect asks else it then writes into mu and wanted_m. `b` as for contact_push. */

@@ -94,8 +94,8 @@ void grasp_follow(struct grasp *g, const struct bank_view *bank, const struct co
         const struct contact *at = &set->contact[c];
         const float pad = s->contact[c].pad_m_N / stiffening - bank->contact->regularisation_m_N;
         const float *point_m = points->point[at->point].position_m;
-        const float *proxy_m = set->proxy_offset_m[contact_tool(at)];
-        float rest_m[3];
+        float rest_m[3], proxy_m[3];
+        cone_at_contact(s, &s->contact[c], set->proxy_offset_m[contact_tool(at)], proxy_m);
         for (int a = 0; a < 3; a++) /* bound: 3 */
             rest_m[a] = point_m[a] + proxy_m[a] - at->displacement_m[a] + pad * at->force_N[a];
         remember(g, bank->grasp, at, s->contact[c].state != CONE_OPEN, rest_m, point_m);

@@ -85,6 +85,8 @@ static inline bool effects_push_cone(struct controller *c, const struct bank_vie
     if (sweeps == 0)
         return false;
     IF_CONE(cone_ask(&c->cone, &c->contact, contact);)
+    IF_CONE(IF_SHAPE(for (uint32_t t = 0; t < tick_instruments(c) && bank->shape; t++) /* bound: TICK_INSTRUMENTS */
+                     shape_levers(bank, &c->contact, &c->collide, t, &c->instrument[t].kinematics, &c->cone.system);))
     IF_FRICTION(if (bank->friction) friction_ask(&c->friction, bank, &c->contact, &c->cone.system);)
     IF_GRASP(if (bank->grasp) grasp_ask(&c->grasp, &c->contact, &c->collide, &c->cone.system);)
     IF_CONE(

@@ -177,19 +177,43 @@ void shape_touch(struct shape *s, const struct bank_view *bank, struct collide *
     }
 }
 
+/* Where a contact's sphere touches. */
+static void place_of(const struct bank_view *bank, const struct collide *points, const struct contact *at,
+                     float place[3])
+{
+    float radius_m = bank->shape->sphere[at->point].radius_m;
+    for (int a = 0; a < 3; a++) /* bound: 3 */
+        place[a] = points->point[at->point].position_m[a] - radius_m * at->normal[a];
+}
+
 void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points, uint32_t tool,
                  const struct kinematics *k)
 {
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         struct contact *at = &set->contact[c];
+        float place[3];
         if (contact_tool(at) != tool)
             continue;
-        float place[3], radius_m = bank->shape->sphere[at->point].radius_m;
-        for (int a = 0; a < 3; a++) /* bound: 3 */
-            place[a] = points->point[at->point].position_m[a] - radius_m * at->normal[a];
+        place_of(bank, points, at, place);
         kinematics_pull(k, place, at->normal, at->pull[tool]);
     }
 }
+
+IF_CONE(void shape_levers(const struct bank_view *bank, const struct contact_set *set, const struct collide *points,
+                          uint32_t tool, const struct kinematics *k, struct cone_system *cone) {
+    cone->levers = true;
+    for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
+        const struct contact *at = &set->contact[c];
+        float place[3];
+        if (contact_tool(at) != tool)
+            continue;
+        place_of(bank, points, at, place);
+        for (int a = 0; a < 3; a++) { /* bound: 3 */
+            const float axis[3] = {a == 0 ? 1.0f : 0.0f, a == 1 ? 1.0f : 0.0f, a == 2 ? 1.0f : 0.0f};
+            kinematics_pull(k, place, axis, cone->contact[c].lever[a]);
+        }
+    }
+})
 
 void shape_expect(const struct shape *s, const struct bank_view *bank, struct row_cache *rows,
                   const struct collide *points)

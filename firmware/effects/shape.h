@@ -25,6 +25,7 @@
 #include "bank_view.h"
 #include "collide.h"
 #include "contact.h"
+#include "effects/cone.h"
 #include "kinematics.h"
 
 #define SHAPE_BLEND 0.1f
@@ -54,9 +55,11 @@ void shape_move(const struct shape *s, const struct bank_view *bank, uint32_t to
 /* around the collision, which is about centres: what touches from outside is free to it before, and touches after; */
 void shape_hide(const struct shape *s, struct collide *points);
 void shape_touch(struct shape *s, const struct bank_view *bank, struct collide *points);
-/* levers of a tool's contacts; */
+/* levers of a tool's contacts, for pushes and for forces of three components; */
 void shape_place(const struct bank_view *bank, struct contact_set *set, const struct collide *points, uint32_t tool,
                  const struct kinematics *k);
+IF_CONE(void shape_levers(const struct bank_view *bank, const struct contact_set *set, const struct collide *points,
+                          uint32_t tool, const struct kinematics *k, struct cone_system *cone);)
 /* rows that a free sphere near the surface will ask for. */
 void shape_expect(const struct shape *s, const struct bank_view *bank, struct row_cache *rows,
                   const struct collide *points);

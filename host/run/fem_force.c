@@ -40,6 +40,9 @@ static void fem_sample_take(struct fem_sample *sample, const struct contact_set 
             memcpy(sample->contact[c].wanted_m, cone->contact[c].wanted_m, sizeof cone->contact[c].wanted_m);
         if (cone)
             sample->contact[c].mu = (double)cone->contact[c].mu;
+        for (int a = 0; a < 3 && cone; a++)
+            for (int b = 0; b < 3; b++)
+                sample->contact[c].lever[a][b] = cone->levers ? cone->contact[c].lever[a][b] : (float)(a == b);
     }
     for (uint32_t c = set->count; c < contact_all(set); c++) {
         memcpy(sample->contact[c].pull, set->contact[c].pull, sizeof sample->contact[c].pull);
@@ -126,7 +129,7 @@ static double pad(const struct bank_view *bank, double own_m_N)
 static double on_tool(const struct fem_sample *sample, uint32_t c, uint32_t t, int a, int b)
 {
     if (c < sample->count)
-        return sample->contact[c].tool == t && a == b;
+        return sample->contact[c].tool == t ? (double)sample->contact[c].lever[b][a] : 0;
     return RIGID_SCALE * (double)sample->contact[c].pull[t][a] * (double)sample->contact[c].normal[b];
 }
 

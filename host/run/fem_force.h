@@ -38,6 +38,7 @@ struct fem_sample {
         float weights[3], normal[3], depth_m;
         float pull[BANK_MAX_INSTRUMENTS][3];
         float wanted_m[3]; /* with a cone_system, */
+        float lever[3][3]; /* the same: at the tip, of a unit force along each axis */
         double mu;         /* the same; below 0: held */
         float pad_m_N;     /* of a rigid one, of which also normal, depth_m and pull are known */
     } contact[CONTACT_MAX];

@@ -167,7 +167,7 @@ static void effects(struct tree *t, tree_node map, struct scene *scene)
         {EFFECT_NEO_HOOKEAN, EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC | EFFECT_SWING},
         {EFFECT_QUASI_NONLINEAR,
          EFFECT_FRICTION | EFFECT_GRASP | EFFECT_VISCOELASTIC | EFFECT_SWING | EFFECT_NEO_HOOKEAN},
-        {EFFECT_SHAPE, EFFECT_FRICTION | EFFECT_GRASP},
+        {EFFECT_SHAPE, EFFECT_FRICTION},
         {EFFECT_RIGID, EFFECT_NEO_HOOKEAN | EFFECT_QUASI_NONLINEAR},
     };
     for (size_t i = 0; i < sizeof apart / sizeof apart[0]; i++) {

@@ -456,7 +456,7 @@ static void what_no_instrument_can_be_is_refused(void **state)
         {"{jaws: {opening: 200 deg}}", STATUS_SCENE_VALUE, "opening"},
         {"{jaws: {samples: 8}}", STATUS_SCENE_VALUE, "20 samples and points"},
         {"{instrument: middle}", STATUS_SCENE_VALUE, "no instrument is named 'middle'"},
-        {"{}, friction: {mu: 0.2}", STATUS_SCENE_VALUE, "friction and shape do not go together"},
+        {"{}, friction: {mu: 0.2}", STATUS_SCENE_VALUE, "do not go together"},
         {"{handle: {}}", STATUS_SCENE_KEY, "handle"},
     };
     struct scene *scene = malloc(sizeof *scene);
@@ -602,20 +602,21 @@ static void differences(const struct bank_tool *tool, const double q[3], const d
 }
 
 /* A push moves the joints by n . dx/dq at the place where the sphere touches, the force at the tip by F . dtip/dq: the same. */
-static void a_push_beside_the_tip_has_its_lever(void **state)
+static void has_its_lever(bool grasps)
 {
-    (void)state;
     struct scene *scene = malloc(sizeof *scene);
     struct bank_shape shape = scene_spheres("{shaft: {radius: 4 mm, length: 40 mm, samples: 4}, jaws: {radius: 3 mm, "
                                             "length: 25 mm, samples: 3}}",
                                             scene);
     struct bank_fixture_options o = body(&shape, 0);
     o.tip_points = 10;
+    o.grasp_slip_N = grasps ? 100 : 0;
     struct bench b;
     bench_open(&b, &o);
     bench_start(&b, 0, 0, 0.10);
     const struct controller *c = &b.node.controller;
     random_seed("lever", 54);
+    unsigned held = 0;
     double worst = 0, shortest = 1;
     int checked = 0;
     for (int n = 0; n < 60; n++) {
@@ -652,7 +653,9 @@ static void a_push_beside_the_tip_has_its_lever(void **state)
             differences(&b.bank.tools[0], q, offset, J);
             for (int j = 0; j < 3; j++)
                 for (int a = 0; a < 3; a++)
-                    work[j] += (double)at->pressure_N * (double)at->normal[a] * J[a][j];
+                    work[j] +=
+                        (grasps ? (double)at->force_N[a] : (double)at->pressure_N * (double)at->normal[a]) * J[a][j];
+            held += grasps && c->grasp.point[at->point].held;
             shortest = fmin(shortest, (q[2] + offset[2]) / q[2]);
         }
         if (c->contact.count == 0)
@@ -673,8 +676,21 @@ static void a_push_beside_the_tip_has_its_lever(void **state)
     assert_true(checked > 20 && shortest < 0.8);
     /* sums of some ten products in single precision, of pushes that may cancel to a fifth; differences leave 1e-10 */
     assert_true(worst < 1e-5);
+    assert_true(!grasps || held > 20);
     bench_close(&b);
     free(scene);
+}
+
+static void a_push_beside_the_tip_has_its_lever(void **state)
+{
+    (void)state;
+    has_its_lever(false);
+}
+
+static void so_has_what_the_jaws_hold(void **state)
+{
+    (void)state;
+    has_its_lever(true);
 }
 
 /* Two instruments: the second one's samples are its own. */
@@ -721,6 +737,7 @@ int main(void)
         cmocka_unit_test(what_no_instrument_can_be_is_refused),
         cmocka_unit_test(a_damaged_section_is_refused),
         cmocka_unit_test(a_push_beside_the_tip_has_its_lever),
+        cmocka_unit_test(so_has_what_the_jaws_hold),
         cmocka_unit_test(each_instrument_has_its_own_spheres),
         cmocka_unit_test(the_force_of_a_sphere_is_its_depth_by_the_compliance),
     };
