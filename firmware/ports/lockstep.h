@@ -19,7 +19,7 @@
 
 #include "can_frame.h"
 
-enum { LOCKSTEP_RECORD = 16, LOCKSTEP_FRAME = 0, LOCKSTEP_TIME = 1, LOCKSTEP_MAILBOXES = 64 };
+enum { LOCKSTEP_RECORD = 16, LOCKSTEP_FRAME = 0, LOCKSTEP_TIME = 1, LOCKSTEP_MAILBOXES = 32 };
 
 struct lockstep_record {
     uint32_t id;
