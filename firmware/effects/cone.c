@@ -159,12 +159,16 @@ static void remainder_of(const struct cone_system *s, const float (*block)[9], u
     const struct cone_contact *k = &s->contact[c];
     const float *all = s->tool_N[k->tool];
     const float give = s->softness_m_N;
-    float own[3], rest[3], moved[3];
-    cone_at_tip(s, k, k->force_N, own);
-    real_subtract(all, own, rest);
-    cone_at_contact(s, k, rest, moved);
-    float x = k->wanted_m[0] - give * moved[0], y = k->wanted_m[1] - give * moved[1];
-    float z = k->wanted_m[2] - give * moved[2];
+    float rest[3];
+    real_subtract(all, k->force_N, rest);
+    IF_SHAPE(if (s->levers) {
+        float own[3], others[3];
+        cone_at_tip(s, k, k->force_N, own);
+        real_subtract(all, own, others);
+        cone_at_contact(s, k, others, rest);
+    })
+    float x = k->wanted_m[0] - give * rest[0], y = k->wanted_m[1] - give * rest[1];
+    float z = k->wanted_m[2] - give * rest[2];
     const float *B = block[contact_pair(c, 0)];
     for (uint32_t d = 0; d < c; d++, B += 9) { /* bound: CONTACT_MAX */
         if (s->contact[d].state == CONE_OPEN)
@@ -246,7 +250,8 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
         sum_on_tools(s);
         for (uint32_t c = 0; c < s->count; c++) { /* bound: CONTACT_MAX */
             struct cone_contact *k = &s->contact[c];
-            float left[3], q[3], f[3], changes[3], tip[3];
+            float left[3], q[3], f[3];
+            IF_SHAPE(float before[3] = {k->force_N[0], k->force_N[1], k->force_N[2]};)
             remainder_of(s, block, c, left);
             for (int a = 0; a < 3; a++) /* bound: 3 */
                 q[a] = real_dot(k->frame[a], left);
@@ -257,11 +262,15 @@ bool cone_solve(struct cone_system *s, const float (*block)[9], uint32_t sweeps)
                 moved += change * change;
                 largest += force * force;
                 k->force_N[a] = force;
-                changes[a] = change;
+                s->tool_N[k->tool][a] += change;
             }
-            cone_at_tip(s, k, changes, tip);
-            for (int a = 0; a < 3; a++) /* bound: 3 */
-                s->tool_N[k->tool][a] += tip[a];
+            IF_SHAPE(if (s->levers) {
+                float changes[3], tip[3];
+                real_subtract(k->force_N, before, changes);
+                cone_at_tip(s, k, changes, tip);
+                for (int a = 0; a < 3; a++) /* bound: 3 */
+                    s->tool_N[k->tool][a] += tip[a] - changes[a];
+            })
         }
         IF_RIGID(sweep_rigid(s, &moved, &largest);)
         rest = moved <= CONE_TOLERANCE * CONE_TOLERANCE * largest;

@@ -76,7 +76,7 @@ static inline void cone_at_tip(const struct cone_system *s, const struct cone_co
     (void)s, (void)c;
     for (int a = 0; a < 3; a++) /* bound: 3 */
         tip_N[a] = force_N[a];
-    IF_SHAPE(for (int a = 0; a < 3 && s->levers; a++) /* bound: 3 */
+    IF_SHAPE(if (s->levers) for (int a = 0; a < 3; a++) /* bound: 3 */
              tip_N[a] = c->lever[0][a] * force_N[0] + c->lever[1][a] * force_N[1] + c->lever[2][a] * force_N[2];)
 }
 
@@ -86,7 +86,7 @@ static inline void cone_at_contact(const struct cone_system *s, const struct con
     (void)s, (void)c;
     for (int a = 0; a < 3; a++) /* bound: 3 */
         out_m[a] = tip_m[a];
-    IF_SHAPE(for (int a = 0; a < 3 && s->levers; a++) /* bound: 3 */
+    IF_SHAPE(if (s->levers) for (int a = 0; a < 3; a++) /* bound: 3 */
              out_m[a] = c->lever[a][0] * tip_m[0] + c->lever[a][1] * tip_m[1] + c->lever[a][2] * tip_m[2];)
 }
 
