@@ -207,10 +207,9 @@ void contact_gather(struct contact_set *s, const struct collide *points)
         contact_begin(c, points, i);
         c->triangle = p->triangle;
         c->depth_m = p->depth_m;
-        for (int k = 0; k < 3; k++) { /* bound: 3 */
+        contact_turn(c, p->normal);
+        for (int k = 0; k < 3; k++) /* bound: 3 */
             c->weights[k] = p->weights[k];
-            c->normal[k] = c->pull[contact_tool(c)][k] = p->normal[k];
-        }
     }
 }
 
@@ -284,7 +283,7 @@ static float coupled(const struct contact *c, const struct contact *d)
 {
     float sum = 0.0f;
     for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
-        sum += real_dot(c->pull[t], d->pull[t]);
+        sum += real_dot(contact_pull(c, t), contact_pull(d, t));
     return sum;
 }
 
@@ -328,7 +327,7 @@ static void evaluate(struct contact_set *s, const struct bank_contact *b, const 
         for (int a = 0; a < 3; a++) {              /* bound: 3 */
             float sum = 0.0f;
             for (uint32_t c = 0; c < contact_all(s); c++) /* bound: CONTACT_MAX */
-                sum += p[c] * s->contact[c].pull[t][a];
+                sum += p[c] * contact_pull(&s->contact[c], t)[a];
             s->force_N[t][a] = sum;
             s->proxy_offset_m[t][a] = softness * sum;
         }

@@ -57,7 +57,7 @@ struct contact {
     float pad_m_N;    /* epsilon_c */
     float pressure_N; /* p_c >= 0 */
     float force_N[3]; /* of the tissue on the tool: p n, or more with an effect */
-    float pull[CONTACT_TOOLS][3];
+    IF_PULL(float pull[CONTACT_TOOLS][3];)
     /* of the tissue at the anchor, epsilon p n included, so that G W p + epsilon p gives it back */
     float displacement_m[3];
 };
@@ -97,6 +97,23 @@ static inline uint32_t contact_tool(const struct contact *c)
     (void)c;
     IF_SECOND(tool = c->tool;)
     return tool;
+}
+
+/* The force at the tip of a tool for a unit push along this contact's normal. */
+static inline const float *contact_pull(const struct contact *c, uint32_t tool)
+{
+    static const float none[3] = {0.0f, 0.0f, 0.0f};
+    const float *pull = contact_tool(c) == tool ? c->normal : none;
+    IF_PULL(pull = c->pull[tool];)
+    return pull;
+}
+
+static inline void contact_turn(struct contact *c, const float normal[3])
+{
+    for (int k = 0; k < 3; k++) { /* bound: 3 */
+        c->normal[k] = normal[k];
+        IF_PULL(c->pull[contact_tool(c)][k] = normal[k];)
+    }
 }
 
 /* Of tissue, and all that push: rigid ones have no block, and only contact_push sees them. */
@@ -139,10 +156,9 @@ static inline void contact_put(struct contact *c, uint32_t triangle, const float
 {
     c->triangle = triangle;
     c->depth_m = normal[0] * away_m[0] + normal[1] * away_m[1] + normal[2] * away_m[2];
-    for (int k = 0; k < 3; k++) { /* bound: 3 */
+    contact_turn(c, normal);
+    for (int k = 0; k < 3; k++) /* bound: 3 */
         c->weights[k] = weights[k];
-        c->normal[k] = c->pull[contact_tool(c)][k] = normal[k];
-    }
 }
 
 /* The four without any effect. */

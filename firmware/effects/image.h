@@ -70,6 +70,13 @@
 #define IF_CONE(...)
 #endif
 
+/* Contacts that act elsewhere than at the tip have a lever of their own. */
+#if IF_RIGID(1) IF_SHAPE(+1) + 0
+#define IF_PULL(...) __VA_ARGS__
+#else
+#define IF_PULL(...)
+#endif
+
 /* The bit of each effect, and those of this image. */
 enum {
 #define EFFECT(bit, NAME, name, tag, parts, what) EFFECT_##NAME = 1 << (bit),

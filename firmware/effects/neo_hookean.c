@@ -74,14 +74,14 @@ static void answer_of(const struct contact_set *set, const struct bank_view *ban
         r->sum_N += at->pressure_N;
         for (int a = 0; a < 3; a++) { /* bound: 3 */
             r->force_N[a] -= at->pressure_N * at->normal[a];
-            pull_N[a] += at->pressure_N * at->pull[tool][a];
+            pull_N[a] += at->pressure_N * contact_pull(at, tool)[a];
         }
     }
     for (uint32_t c = 0; c < set->count; c++) { /* bound: CONTACT_MAX */
         const struct contact *at = &set->contact[c];
         if (!own(r, at))
             continue;
-        float sum = -softness * real_dot(at->pull[tool], pull_N);
+        float sum = -softness * real_dot(contact_pull(at, tool), pull_N);
         for (uint32_t e = 0; e < set->count; e++) /* bound: CONTACT_MAX */
             sum += own(r, &set->contact[e]) ? set->system[c][e] * set->contact[e].pressure_N : 0.0f;
         r->depth_m[c] = sum;

@@ -90,7 +90,7 @@ static void correct_tool(struct quasi_nonlinear *q, const struct bank_view *bank
             continue;
         for (int a = 0; a < 3; a++) {                    /* bound: 3 */
             for (uint32_t t = 0; t < CONTACT_TOOLS; t++) /* bound: CONTACT_TOOLS */
-                set->force_N[t][a] += (more - 1.0f) * at->pressure_N * at->pull[t][a];
+                set->force_N[t][a] += (more - 1.0f) * at->pressure_N * contact_pull(at, t)[a];
             at->displacement_m[a] *= l;
         }
         at->pressure_N *= more;
