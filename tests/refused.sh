@@ -30,3 +30,17 @@ refused()
     [ "$status" = "$1" ] && [ "$(wc -l <"$work/err")" = 1 ] && grep -qF "$2" "$work/err" && [ ! -e "$work/bad.bank" ]
     result $? "$3"
 }
+
+# The demo's block with the effects $1.
+effects_scene()
+{
+    block_scene '/^effects:/d'
+    echo "effects: $1"
+}
+
+# The same with the effects $3 is refused: exit code $1, a line with $2; claim $4.
+effects_refused()
+{
+    effects_scene "$3" >"$work/bad.yaml"
+    refused "$1" "$2" "$4"
+}

@@ -3,19 +3,6 @@
 # elements agree with; and refusals in one line.
 . tests/refused.sh
 
-scene()
-{
-    block_scene '/^effects:/d'
-    echo "effects: $1"
-}
-
-# The effects $3.
-bad()
-{
-    scene "$3" >"$work/bad.yaml"
-    refused "$1" "$2" "$4"
-}
-
 echo 1..10
 # G' and G'' of 1 + 0.3 (0.02 s) + 0.8 (0.9 s), times 1300 Pa, to four digits
 awk 'BEGIN {
@@ -26,7 +13,7 @@ awk 'BEGIN {
             1300 * (0.3 * sqrt(x) / (1 + x) + 0.8 * sqrt(y) / (1 + y))
     }
 }' >"$work/rheometer.csv"
-scene '{viscoelastic: {fit: rheometer.csv}}' >"$work/fit.yaml"
+effects_scene '{viscoelastic: {fit: rheometer.csv}}' >"$work/fit.yaml"
 "$build/trocar" build "$work/fit.yaml" --plain -o "$work/fit.bank" >"$work/out" 2>"$work/err"
 result $? "a scene that names measurements builds"
 grep -q '30 rows fitted by 2 branches' "$work/err" && grep -q 'residuals: 0.0' "$work/err" && grep -q 'drawn in' "$work/err"
@@ -41,11 +28,11 @@ rm "$work/rheometer.csv"
 "$build/trocar" run "$work/fit.bank" --json >"$work/out" 2>"$work/err" &&
     tr ',{}' '\n\n\n' <"$work/out" | awk -F: '/"force_error_vs_fem"/ {found = 1; bad = $2 + 0 > 1e-4 || $2 ~ /null/} END {exit !found || bad}'
 result $? "a run of it, without the table, gives the forces of full finite elements to 1e-4"
-bad 5 'swing and viscoelastic do not go together' '{swing: {modes: 2}, viscoelastic: {viscosity: 20 ms}}' \
+effects_refused 5 'swing and viscoelastic do not go together' '{swing: {modes: 2}, viscoelastic: {viscosity: 20 ms}}' \
     "visco-elastic tissue that swings"
-bad 5 'has both prony and boltzmann' '{viscoelastic: {prony: [[0.3, 1 s]], boltzmann: {k1: 1 kPa, k2: 1 kPa, C: 1 Pa s}}}' \
+effects_refused 5 'has both prony and boltzmann' '{viscoelastic: {prony: [[0.3, 1 s]], boltzmann: {k1: 1 kPa, k2: 1 kPa, C: 1 Pa s}}}' \
     "two models"
-bad 5 'C: 3 has no unit; a viscosity is expected here (Pa s, kPa s)' '{viscoelastic: {kelvin_voigt: {k: 1 kPa, C: 3}}}' \
+effects_refused 5 'C: 3 has no unit; a viscosity is expected here (Pa s, kPa s)' '{viscoelastic: {kelvin_voigt: {k: 1 kPa, C: 3}}}' \
     "a viscosity without its unit"
-bad 5 'the time of a branch = 0 s' '{viscoelastic: {prony: [[0.3, 0 s]]}}' "a branch without a time"
-bad 3 'none.csv' '{viscoelastic: {fit: none.csv}}' "measurements that are not there"
+effects_refused 5 'the time of a branch = 0 s' '{viscoelastic: {prony: [[0.3, 0 s]]}}' "a branch without a time"
+effects_refused 3 'none.csv' '{viscoelastic: {fit: none.csv}}' "measurements that are not there"
